@@ -37,19 +37,24 @@ def spreads(paths: Iterable[AnyPath]) -> dict[str, dict[str, Floats]]:
 
 
 def turns(paths: Iterable[AnyPath]) -> dict[str, dict[str, Turns]]:
-    """session -> camera -> `Turns`."""
+    """session -> camera -> `Turns` since the first walk in which it is known.
+
+    The tables have each walk against all others, in which a camera that was bumped is off in every walk. Of N walks of
+    equal weight, two of these are N / (N - 1) times as far apart as the walks are from each other.
+    """
     found: dict[str, dict[str, Turns]] = {}
     for path in paths:
         table = tables.read(path, "camera_turns")
         turn, sigma = (np.stack([table[f"{kind}_{axis}"] for axis in "xyz"], axis=-1) for kind in ("turn", "sigma"))
-        length = np.linalg.norm(turn, axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            along = np.linalg.norm(turn / length[:, None] * sigma, axis=1)
         for session in tables.ordered_unique(table["session"]):
             for camera in tables.ordered_unique(table["camera"]):
-                mine = (table["session"] == session) & (table["camera"] == camera)
-                if np.isfinite(length[mine]).any():
-                    found.setdefault(session, {})[camera] = (table["sequence"][mine], length[mine], along[mine])
+                mine = (table["session"] == session) & (table["camera"] == camera) & np.isfinite(turn).all(axis=1)
+                if not mine.any():
+                    continue
+                since = (turn[mine] - turn[mine][0]) * (1 - 1 / mine.sum())
+                length = np.linalg.norm(since, axis=1)
+                along = np.linalg.norm(since / np.maximum(length, 1e-12)[:, None] * sigma[mine], axis=1)
+                found.setdefault(session, {})[camera] = (table["sequence"][mine], length, along)
     return found
 
 
@@ -84,7 +89,7 @@ def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
 
 
 def stood_still(path: Path, by_camera: Mapping[str, Turns]) -> None:
-    """Turn of each camera in each walk against the other walks. `by_camera`: as of `turns`."""
+    """Turn of each camera in each walk since the first one. `by_camera`: as of `turns`."""
     figure, axis = new_figure(height=2.9)
     colours = colours_of(by_camera)
     sequences = list(dict.fromkeys(name for names, _, _ in by_camera.values() for name in names))

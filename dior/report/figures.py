@@ -250,9 +250,8 @@ class Figures:
                 figures.append(self._draw(
                     f"moved_{session}", certainty.stood_still, moved[session],
                     title=f"{session}, did the cameras stand still?",
-                    caption="By which turn a camera, alone, would agree better with the others in a walk than in all "
-                    "other walks, with 95 % bars. A camera that was bumped stays off from one walk on, and pulls the "
-                    "others along.",
+                    caption="By which turn since the first walk a camera, alone, would agree better with the others, "
+                    "with 95 % bars. A camera that was bumped stays off from one walk on, and pulls the others along.",
                     alt=f"Turns of {len(moved[session])} cameras of session {session} by walk",
                 ))  # fmt: skip
         return figures

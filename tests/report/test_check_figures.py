@@ -7,6 +7,7 @@ import pytest
 from dior.evaluate.metrics import COLUMNS
 from dior.geometry import camera_tables
 from dior.report import certainty, check_figures, key_figures
+from dior.tables import tables
 
 
 def row(metric, value, n, **columns):
@@ -99,6 +100,19 @@ def test_standard_errors_of_poses_are_shown_in_degrees_and_centimetres(tmp_path)
     covariance[0, 3] = covariance[3, 0] = 1e-6
     camera_tables.write_camera_covariance(tmp_path / "c.parquet", ["cam01"], covariance, "lab")
     assert certainty.spreads([tmp_path / "c.parquet"])["lab"]["cam01"] == pytest.approx([0.1, 0.2, 0.3, 1, 2, 3])
+
+
+def test_a_bump_is_a_step_of_the_turns_since_the_first_walk(tmp_path):
+    """The tables have each of four walks against the other three."""
+    stood = np.array([0.0, 0.0, 0.6, 0.6])
+    against = (stood - stood.mean()) * 4 / 3
+    table = {"session": ["field"] * 4, "sequence": [f"walk_{i}" for i in range(4)], "camera": ["cam01"] * 4}
+    table |= {f"turn_{axis}": against * (axis == "y") for axis in "xyz"}
+    table |= {f"sigma_{axis}": np.full(4, 0.02) for axis in "xyz"}
+    tables.write(tmp_path / "t.parquet", "camera_turns", table)
+    names, length, sigma = certainty.turns([tmp_path / "t.parquet"])["field"]["cam01"]
+    assert list(names) == table["sequence"]
+    assert length == pytest.approx(stood) and sigma[2:] == pytest.approx([0.02, 0.02])
 
 
 def test_key_figures_take_quantiles_over_everything_and_no_means_of_them():
