@@ -41,6 +41,7 @@ if "simulate" in config:
 include: "workflow/rules/ingest.smk"
 include: "workflow/rules/calibrate.smk"
 include: "workflow/rules/reconstruct.smk"
+include: "workflow/rules/gait.smk"
 include: "workflow/rules/label.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/reid.smk"

@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.viewer import opened
 from dior.body.names import MLKIT_33
 from dior.evaluate import label_errors, metrics, statistics
+from dior.gait import gait
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at
@@ -93,6 +94,11 @@ def write(root):
             results / f"evaluate/{sequence}.parquet",
             results / f"audit/{sequence}.findings.parquet",
         )
+        walked = [results / f"gait/{sequence}{part}.parquet" for part in ("", ".events", ".steps", ".findings")]
+        gait.run(
+            sequence=sequence, subject=subject, skeleton=files["skeleton"], out=walked[0], out_events=walked[1],
+            out_steps=walked[2], findings=walked[3],
+        )  # fmt: skip
         tables.write(metrics_table, "metrics", {key: [row[key] for row in own] for key in metrics.COLUMNS})
         gap = "no detections between 1.2 s and 1.9 s"
         tables.write_findings(findings, [(f"{sequence}/cam02", "warning", "gap", gap)])
@@ -103,7 +109,7 @@ def write(root):
             "sequence": sequence, "within": [session, subject], "about": f"{subject}, {env}, {session}",
             "roles": {camera: _role(camera, env) for camera in CAMERAS}, "title": "DIOR size",
             "before": names[i - 1] if i else "", "after": names[i + 1] if i + 1 < len(names) else "",
-            "measured": page.Measured(metrics_table, files["frame_metrics"], files["skeleton"]),
+            "measured": page.Measured(metrics_table, files["frame_metrics"], files["skeleton"], *walked[:2]),
             "findings": [findings], "cameras": [poses[session]],
             "times": page.Times(files["audit"], files["dropped"], files["frames"], [files["clocks"]],
                                 [files["clock_costs"]]),

@@ -40,6 +40,7 @@ TEXTS = {
     "formats": "names of the export formats",
     "frame_metrics": "tables `frame_metrics` of all sequences",
     "frames": "table `frames`: the pictures of a sequence by stamp",
+    "gait": "tables `gait_parameters`",
     "gallery": "table `gallery`, if there is one",
     "heads": "table `heads` of the camera, none where nothing is covered",
     "huber_px": "residual in px beyond which a keypoint pulls no harder",

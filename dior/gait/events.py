@@ -11,7 +11,7 @@ holds on a treadmill and at any speed. Where heel and toe are furthest from the 
 and Marshall, J. Biomech. 33 (2000) 783-786) toe offs scatter by 30 ms.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -67,8 +67,8 @@ class Events:
 
     `sigma_s` (E,): of what an event has of its own; `shared_s`: what all events of a kind and side have alike, so that
     times from strike to strike are free of it. `reason` (E,): "" or why no parameter is made of it: `turn`, `standing`,
-    `end`. `running`, and the velocity (2,) m/s of a treadmill's `belt` with its
-    `belt_sigma`, where that was found.
+    `end`. `turns` (N, 2) s: when each begins and ends. `running`, and the velocity (2,) m/s of a treadmill's `belt`
+    with its `belt_sigma`, where that was found.
     """
 
     seconds: Floats
@@ -80,6 +80,7 @@ class Events:
     belt: Floats
     belt_sigma: float = 0.0
     shared_s: float = PERSON_SD_S
+    turns: Floats = field(default_factory=lambda: np.zeros((0, 2)))
 
     def whole_sigma_s(self, clock_s: float = 0.0) -> Floats:
         """Standard error (E,) s of each event, `clock_s` that of the clock that its time is told on."""
@@ -161,7 +162,8 @@ def _found(tracks: Tracks, times: Floats, belt: Floats) -> Events:
                 k = min(int(round((when - times[0]) / STEP_S)), count - 1)
                 noise = (foot.heel_sigma if strike else foot.toe_sigma)[k] / max(abs(slope), 1e-9)
                 rows.append((when, side, strike, float(np.hypot(noise, STEP_SD_S)), _reason(k, foot, going)))
-    return _events(rows, running, belt)
+    turns = runs_of(going.turning & ~going.standing)
+    return replace(_events(rows, running, belt), turns=times[0] + STEP_S * (turns - [0, 1]))
 
 
 def _events(rows: list[tuple[float, int, bool, float, str]], running: bool, belt: Floats) -> Events:

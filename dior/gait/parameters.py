@@ -21,19 +21,8 @@ from dior.arrays import Bools, Floats
 from dior.gait.events import LONGEST, RESTS, SIDE_SD_S, Events
 from dior.gait.progression import STRIDE_HALF_S
 from dior.gait.tracks import SIDES, Tracks, bridged, curve, known_at, velocity
+from dior.tables.gait_parameters import OF_WALK, STEP, STRIDE, SYMMETRY
 
-# unit by parameter, in the order of the tables
-STEP = {
-    "step_time": "s", "step_length": "m", "step_length_toe": "m", "step_width": "m",
-}  # fmt: skip
-STRIDE = {
-    "stride_time": "s", "stride_length": "m", "stride_length_toe": "m", "stride_speed": "m/s", "stance_share": "",
-    "swing_share": "", "double_support_share": "", "single_support_share": "", "opposite_foot_off_share": "",
-    "opposite_foot_contact_share": "",
-}  # fmt: skip
-OF_WALK = {"cadence": "steps/min", "walk_ratio": "m min"}
-SYMMETRY = ("step_time", "step_length", "stance_share", "single_support_share")
-UNITS = STEP | STRIDE | OF_WALK | {f"{name}_asymmetry": "" for name in SYMMETRY}
 # what there is only where both feet are on the floor for a while
 WALKING_ONLY = ("double_support_share",)
 # m, of a print: how a heel at rest still moves, and skin on it; chosen on simulated walks
@@ -97,13 +86,15 @@ class _Errors:
     prints: Floats
 
     def sigma(self, of: Value) -> float:
-        time = of.by_event @ self.events @ of.by_event
-        place = np.einsum("pi,pqij,qj->", of.by_print, self.prints, of.by_print)
+        # a step depends on a few of them
+        k, p = np.flatnonzero(of.by_event), np.flatnonzero(of.by_print.any(axis=1))
+        time = of.by_event[k] @ self.events[np.ix_(k, k)] @ of.by_event[k]
+        place = np.einsum("pi,pqij,qj->", of.by_print[p], self.prints[np.ix_(p, p)], of.by_print[p])
         return float(np.sqrt(max(time + place, 0.0)))
 
 
 def of_walk(tracks: Tracks, events: Events) -> tuple[list[Row], list[Pooled]]:
-    """All parameters of a walk: `Row`s in the order of time, and `Pooled` in the order of `UNITS`."""
+    """All parameters of a walk: `Row`s in the order of time, and `Pooled`."""
     if not len(events.seconds):
         return [], list(_pooled({}, _Errors(np.zeros((0, 0)), np.zeros((0, 0, 2, 2))), events))
     tracks = tracks.on_belt(events.belt)

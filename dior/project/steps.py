@@ -9,6 +9,7 @@ STAGES = {
     "ingest": ("frames", "audit", "mocap", "detect", "detections", "gallery"),
     "calibrate": ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow"),
     "reconstruct": ("timeline", "bodies", "triangulate", "refine", "world"),
+    "gait": ("gait",),
     "label": ("reproject", "people"),
     "evaluate": ("moved", "evaluate", "detectors", "zoom", "to_mark", "metrics", "statistics"),
     "reid": ("inputs", "recognise"),

@@ -1,7 +1,7 @@
 """The page of one sequence: its cameras in all their words, what happened over time, pictures, clip and findings; its
 page in 3D; and what the index needs of it.
 
-INPUTS   of the sequence: `metrics`, `frame_metrics`, `skeletons_3d`, findings, `cameras`, `stamp_audit`,
+INPUTS   of the sequence: `metrics`, `frame_metrics`, `skeletons_3d`, its gait, findings, `cameras`, `stamp_audit`,
          `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays), the clip, scene.js (viewer)
 OUTPUTS  <report>/sequences/<sequence>.html and <sequence>.3d.html, with links that hold from there;
          <report>/assets/<sequence>/plots/*.svg and facts.json (facts.py)
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dior.geometry import camera_tables
-from dior.report import cards, clocks, facts, lights, pages, red_labels, scene_file, stamps, walk_figures
+from dior.report import cards, clocks, facts, gait, lights, pages, red_labels, scene_file, stamps, walk_figures
 from dior.tables import tables
 from dior.tables.files import folder_written_whole, write_text
 
@@ -24,12 +24,15 @@ class Measured:
     """What was measured of the labels.
 
     `metrics`: table `metrics` of the sequence; `frame_metrics`: table `frame_metrics` of the sequence; `skeleton`:
-    table `skeletons_3d` of the sequence.
+    table `skeletons_3d` of the sequence; `gait`: table `gait_parameters` of the sequence; `gait_events`: table
+    `gait_events` of the sequence.
     """
 
     metrics: Path
     frame_metrics: Path
     skeleton: Path
+    gait: Path
+    gait_events: Path
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ def run(
     found = [*dict.fromkeys(found), *lights.noticed(sequence, roles, audited.lags, labelled)]
     clocked = clocks.read(sequence, roles, times.clocks, times.clock_costs, found)
     fx = {name: one.intrinsics.fx for path in cameras for name, one in camera_tables.read_cameras(path).items()}
+    walked = gait.read(measured.gait, measured.gait_events)
     sheets = cards.sheets_of(media.overlays, report)
     scene = scene_file.header_of(media.scene)
     with folder_written_whole(out_plots) as folder:
@@ -108,6 +112,7 @@ def run(
             "timeline": drawn.timeline(recorded),
             "stamps": drawn.stamps(audited),
             "clock_costs": drawn.clock_costs(clocked),
+            "gait_timeline": drawn.gait(walked),
         }
     environment, names = pages.environment(), {sequence, *within, *roles}
     told = {"title": title, "sequence": sequence, "before": before, "after": after, "scene": scene}
@@ -118,6 +123,7 @@ def run(
         about=about,
         stamp_rows=audited.rows,
         clocks=clocked,
+        gait=walked,
         clip=cards.clip_of(media.clip, report),
         findings=cards.shown(finding for finding in found if finding[0] and lights.about(finding[0], names)),
     )

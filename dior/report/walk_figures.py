@@ -1,6 +1,6 @@
 """Which figures the page of a sequence has, and what is written below each.
 
-INPUTS   `frame_metrics` by camera, its stamps and clocks
+INPUTS   `frame_metrics` by camera, its stamps, clocks and gait
 OUTPUTS  SVG files in one folder, and for each a dict src, title, caption, alt for the page's template
 """
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Floats, Ints
-from dior.report import clocks, stamps, walk_plots
+from dior.report import clocks, gait, stamps, walk_plots
 from dior.report.facts import ByMetric
 from dior.report.svg import Shown, drawn
 
@@ -65,6 +65,18 @@ class Drawn:
             title="Late and lost pictures",
             caption="A picture that is late only in its receive stamp does no harm: labels use header stamps.",
             alt=f"Stamps of {self.sequence}: {len(audited.lags)} cameras",
+        )  # fmt: skip
+
+    def gait(self, walked: gait.Gait | None) -> Shown | None:
+        """When the feet stood on the floor."""
+        if walked is None:
+            return None
+        span = gait.span(walked.lanes)
+        return drawn(
+            self.folder, self.link, "gait", walk_plots.gait, walked.lanes, span, title="Stance and swing",
+            caption="A bar is a stance, from heel strike to toe off, pale where it is left out; a dark line is the "
+            "95 % interval of an event, the upper one that of a toe off.",
+            alt=f"Stances of {self.sequence} from {span[0]:.1f} to {span[1]:.1f} s",
         )  # fmt: skip
 
     def clock_costs(self, clocked: clocks.SequenceClocks | None) -> Shown | None:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dior.arrays import Floats
-from dior.report.colours import GRID, RED, colours_of
+from dior.report.colours import COLOURS, DARK, GRID, RED, colours_of
+from dior.report.gait import Lane
 from dior.report.svg import WIDTH, new_figure, save_svg, short
 from dior.tables.words import DROP_REASON
 
@@ -122,6 +123,32 @@ def stamps(
     axes[1].set_xlabel("time, s")
     axes[1].set_title("missing and repeated pictures" if kinds else "no picture is missing or there twice", fontsize=9)
     figure.legend(loc="upper left", ncols=columns, handlelength=1.2)
+    save_svg(figure, path)
+
+
+def gait(path: Path, lanes: Mapping[str, Lane], span: tuple[float, float]) -> None:
+    """When each foot stood: bars from strike to toe off, pale where no parameter is made of them, and the 95 %
+    intervals of the events.
+
+    `lanes`: `Lane` by foot; `span`: from when to when, s.
+    """
+    colours = dict(zip(lanes, COLOURS, strict=False))
+    figure, (axis,) = _panels([0.15 + 0.42 * len(lanes)], above=0.1, words=list(lanes), letter=0.08)
+    for row, (foot, lane) in enumerate(reversed([*lanes.items()])):
+        axis.axhline(row, color=GRID, lw=0.8, zorder=0)
+        for stances, alpha in ((lane.used, 0.75), (lane.left_out, 0.25)):
+            shown = stances[(stances[:, 1] > span[0]) & (stances[:, 0] < span[1])]
+            bars = [(first, last - first) for first, last in shown.tolist()]
+            axis.broken_barh(bars, (row - 0.2, 0.4), color=colours[foot], alpha=alpha, lw=0, zorder=2)
+        inside = (lane.seconds >= span[0]) & (lane.seconds <= span[1])
+        # strikes below the bar's middle, toe offs above it: where intervals are wide both can be seen
+        at = np.where(lane.strike[inside], row - 0.1, row + 0.1)
+        axis.hlines(at, lane.low[inside], lane.high[inside], color=DARK, lw=1.4, zorder=3)
+    axis.set_yticks(range(len(lanes)), [*lanes][::-1])
+    axis.set_ylim(-0.45, len(lanes) - 0.55)
+    axis.set_xlim(span[0] - 0.02 * (span[1] - span[0]), span[1] + 0.02 * (span[1] - span[0]))
+    axis.grid(axis="y", visible=False)
+    axis.set_xlabel("time, s")
     save_svg(figure, path)
 
 

@@ -23,6 +23,9 @@ MARK_KIND = ("mark", "check")
 SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
 FOOT = ("left", "right")
 GAIT_EVENT = ("heel_strike", "toe_off")
+SIDE = (*FOOT, "both")
+GAIT_LEFT_OUT = ("turn", "standing", "end")
+GAIT_MISSING = ("no_events", "no_steps", "running", "no_treadmill", "suspect")
 SEVERITY = ("info", "warning", "error")
 # of tables about everybody in a sequence, whose rows are
 WHO = (

@@ -331,6 +331,7 @@ def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
         "place": 1, "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1,
+        "gait": 1,
         "align": 1, "reproject": 4, "evaluate": 1,
         "overlays": 1, "clip": 1, "viewer": 1, "page": 1, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,

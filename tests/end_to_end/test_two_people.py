@@ -70,6 +70,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     # the session is adjusted with this walk, and its person's height judges that; now it tells of the other one's, too
     assert planned(copy) == {
         "adjust": 1, "clocks": 2, "timeline": 2, "bodies": 1, "follow": 2, "triangulate": 2, "refine": 2, "world": 2,
+        "gait": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 2, "clip": 2, "viewer": 2, "page": 2, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 8, "pixels": 8, "package": 1, "exports": 1, "tarballs": 3,
@@ -80,7 +81,8 @@ def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     """The cameras outdoors were adjusted and aligned with a walk of S02; indoors there is nothing to do."""
     withdraw(copy)
     assert planned(copy) == {
-        "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1, "align": 1,
+        "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1,
+        "gait": 1, "align": 1,
         "gallery": 1, "reproject": 4, "evaluate": 1, "overlays": 1, "clip": 1, "viewer": 1, "page": 2, "metrics": 1,
         "statistics": 1, "report": 1, "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dior.evaluate import statistics
+from dior.gait import gait
 from dior.ingest import audit
 from dior.project import project as projects
 from dior.report import page, report, scene_file
@@ -58,7 +59,9 @@ def pages_of(capture, out):
             "sequence": sequence, "within": [session, project.subject_of(sequence)], "about": session,
             "roles": {name: one["role"] for name, one in project.cameras(session).items()}, "title": "A & B",
             "before": names[i - 1] if i else "", "after": names[i + 1] if i + 1 < len(names) else "",
-            "measured": page.Measured(measures, measures.with_suffix(".frames.parquet"), own.skeleton),
+            "measured": page.Measured(
+                measures, measures.with_suffix(".frames.parquet"), own.skeleton, *walked(own.skeleton, sequence)
+            ),
             "findings": [about(capture, sequence)], "cameras": [capture.root / f"results/cameras/{session}.parquet"],
             "times": page.Times(*audited(capture, sequence), capture.clocks, capture.clock_costs),
             "media": page.Media(assets / "sheets", None, assets / "scene.js"),
@@ -66,6 +69,17 @@ def pages_of(capture, out):
             "out_facts": assets / "facts.json", "out_plots": assets / "plots",
         }  # fmt: skip
     return found
+
+
+def walked(skeleton, sequence):
+    """The tables `gait_parameters` and `gait_events` of a walk, beside its skeleton."""
+    files = [skeleton.with_name(f"{sequence}.gait{part}.parquet") for part in ("", ".events", ".steps", ".findings")]
+    out, out_events, out_steps, findings = files
+    gait.run(
+        sequence=sequence, subject="S01", skeleton=skeleton, out=out, out_events=out_events, out_steps=out_steps,
+        findings=findings,
+    )  # fmt: skip
+    return out, out_events
 
 
 def about(capture, sequence):

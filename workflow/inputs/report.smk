@@ -81,6 +81,7 @@ def findings_about(sequences, sessions):
             if referenced(session)
         ],
         *[f"results/world/{sequence}.findings.parquet" for sequence in sequences],
+        *[f"results/gait/{sequence}.findings.parquet" for sequence in sequences],
         *[f"results/evaluate/{sequence}.findings.parquet" for sequence in sequences],
         *[
             f"results/adjust/{session}.findings.parquet"

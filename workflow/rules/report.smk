@@ -93,6 +93,8 @@ rule page:
         metrics="results/evaluate/{sequence}.parquet",
         frame_metrics="results/evaluate/{sequence}.frames.parquet",
         skeleton=skeleton,
+        gait="results/gait/{sequence}.parquet",
+        gait_events="results/gait/{sequence}.events.parquet",
         findings=own_findings,
         cameras=sequence_cameras,
         audit="results/audit/{sequence}.parquet",

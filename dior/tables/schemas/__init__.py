@@ -10,7 +10,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from dior.tables.schemas import calibrate, evaluate, findings, ingest, label, reconstruct, release, simulate
+from dior.tables.schemas import calibrate, evaluate, findings, gait, ingest, label, reconstruct, release, simulate
 from dior.tables.schemas.evaluate import METRICS as METRICS
 from dior.tables.schemas.release import RELEASED as RELEASED
 
@@ -20,7 +20,7 @@ PICTURE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 _TEXT = pa.dictionary(pa.int32(), pa.string())
 _TYPES = {"text": _TEXT, "string": pa.string(), "picture": PICTURE, "bool": pa.bool_()}
 
-_STAGES: tuple[Any, ...] = (ingest, calibrate, reconstruct, label, evaluate, release, simulate, findings)
+_STAGES: tuple[Any, ...] = (ingest, calibrate, reconstruct, gait, label, evaluate, release, simulate, findings)
 TABLES = {name: columns for stage in _STAGES for name, columns in stage.TABLES.items()}
 
 
