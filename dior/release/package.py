@@ -1,7 +1,7 @@
 """The release: the labels of the subjects who agreed to it, under pseudonyms, with a card and checksums.
 
 INPUTS   the project's config; `labels_2d` and pictures (`released_frames`) per sequence and camera, `skeletons_3d`,
-         `frames`, `detections` and the checksums of the recordings per sequence, `marks`, `cameras` and
+         gait, `frames`, `detections` and the checksums of the recordings per sequence, `marks`, `cameras` and
          `camera_covariance` of the sessions, `offsets` (clocks), `metrics` and `findings`, `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: the tables of layout.py, README.md (dataset card), LICENSE, CITATION.cff,
          croissant.json, provenance.json, metrics.csv, card.jpg if a picture may be shown and, last, SHA256SUMS
@@ -48,6 +48,8 @@ from dior.report import headline
 from dior.tables import tables
 from dior.tables.files import folder_written_whole, write_text
 
+# what the step calls the files of each part about gait, after the sequence
+GAIT_FILES = {"gait": "", "gait_events": ".events", "gait_steps": ".steps"}
 # walks at once, as many as the rule has threads
 THREADS = 2
 
@@ -57,15 +59,17 @@ class WalkFiles:
     """What the steps made of each sequence, in files that they name <sequence>.parquet or <sequence>.<camera>.parquet.
 
     `labels`: tables `labels_2d`; `pixels`: tables `released_frames`; `covers`: tables `released_covers`, in files
-    <sequence>.<camera>.covers.parquet; `skeletons`: tables `skeletons_3d`; `frames`: tables `frames`; `detections`:
-    tables `detections`; `clocks`: tables `offsets`; `quantiles`: tables `label_quantiles`; `provenance`: checksums of
-    the recordings, a JSON file each.
+    <sequence>.<camera>.covers.parquet; `skeletons`: tables `skeletons_3d`; `gait`: tables of the gait, in files
+    <sequence>.parquet, <sequence>.events.parquet and <sequence>.steps.parquet; `frames`: tables `frames`;
+    `detections`: tables `detections`; `clocks`: tables `offsets`; `quantiles`: tables `label_quantiles`;
+    `provenance`: checksums of the recordings, a JSON file each.
     """
 
     labels: list[Path]
     pixels: list[Path]
     covers: list[Path]
     skeletons: list[Path]
+    gait: list[Path]
     frames: list[Path]
     detections: list[Path]
     clocks: list[Path]
@@ -116,6 +120,7 @@ def run(
         "pixels": _by_name(of_walks.pixels, "pictures"),
         "covers": {name.removesuffix(".covers"): path for name, path in _by_name(of_walks.covers, "covers").items()},
         "skeletons": _by_name(of_walks.skeletons, "skeletons"),
+        "gait": _by_name(of_walks.gait, "gait"),
         "frames": _by_name(of_walks.frames, "frames"),
         # those that triangulate chose are called <sequence>.detections
         "detections": {
@@ -225,6 +230,7 @@ def _sources(
         pixels=by_camera("pixels", "pictures"),
         covers=by_camera("covers", "covers"),
         skeleton=_of(found["skeletons"], name, "skeletons"),
+        gait={part: _of(found["gait"], f"{name}{file}", "gait") for part, file in GAIT_FILES.items()},
         frames=_of(found["frames"], name, "frames"),
         detections=found["detections"].get(name),
         boxes=by_hand(project.boxes(name)),

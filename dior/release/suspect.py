@@ -1,5 +1,7 @@
 """Labels that a red light says are wrong leave the house without a place: the rows stay, status `suspect`.
 
+Of the gait of such a walk no event and no step leaves it, and its parameters have no values.
+
 INPUTS   figures, findings and cameras of the released walks, what the lab accepts (`labels_accepted` of session.yaml);
          `labels_2d` and `skeletons_3d` of such a walk
 OUTPUTS  columns of `released_lights`: what is red, and who accepts it; the tables without the places
@@ -105,6 +107,17 @@ def told(lights: Iterable[RedLight]) -> dict[str, dict[str, str]]:
 def without_place(lights: Iterable[RedLight], sequence: str) -> frozenset[str]:
     """The cameras of a walk whose labels are `suspect`; "" where the 3D is, and the labels of all cameras with it."""
     return frozenset(light.camera for light in lights if light.sequence == sequence and not light.accepted)
+
+
+def without_gait(table: pa.Table) -> pa.Table:
+    """A table of the gait of a walk whose 3D is suspect: of events and steps no row, of parameters no value."""
+    kind = tables.kind_of(table)
+    if kind != "gait_parameters":
+        return table.slice(0, 0)
+    names = ("subject", "sequence", "parameter", "side", "unit")
+    kept = {name: buffers.to_numpy(table[name].combine_chunks()) for name in names}
+    said = {"n": np.zeros(len(table), int), "reason": np.full(len(table), "suspect", object)}
+    return tables.to_arrow(kind, kept | said)
 
 
 def hidden(table: pa.Table) -> pa.Table:

@@ -1,7 +1,7 @@
 """The files of one walk in a release, by pseudonym and with nothing that names a machine, a file or a person.
 
-INPUTS   of each step the tables of the walk: `labels_2d`, `skeletons_3d`, `frames`, `detections`, `marks`, pictures and
-         what is covered in them (by pseudonym already), boxes and checks as CSV
+INPUTS   of each step the tables of the walk: `labels_2d`, `skeletons_3d`, gait, `frames`, `detections`, `marks`,
+         pictures and what is covered in them (by pseudonym already), boxes and checks as CSV
 OUTPUTS  <table>/<subject>/<sequence>[.<camera>].parquet; where nobody marked, drew or detected there is no file
 Units as in dior/tables/schemas/. Metadata is made anew, so that nothing else slips through.
 """
@@ -21,19 +21,24 @@ from dior.arrays import Table
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
 from dior.project import boxes as hand_boxes
-from dior.release import shift_stamps, suspect
+from dior.release import layout, shift_stamps, suspect
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS
+
+# the table of each part about gait
+GAIT = {part.name: part.table for part in layout.PARTS if part.table.startswith("gait_")}
 
 
 @dataclass(frozen=True)
 class Sources:
-    """The files about one walk: paths, or by camera; `marks`: tables of the session, in which it may be named."""
+    """The files about one walk: paths, or by camera; `gait`: by part of the release (layout.py); `marks`: tables of the
+    session, in which it may be named."""
 
     labels: dict[str, Path]
     pixels: dict[str, Path]
     covers: dict[str, Path]
     skeleton: Path
+    gait: dict[str, Path]
     frames: Path
     detections: Path | None = None
     boxes: dict[str, Path] = field(default_factory=dict)
@@ -65,6 +70,10 @@ def write(folder: Path, walk: dict[str, Any], sources: Sources, without_place: C
     out = folder / "skeletons_3d" / who / f"{name}.parquet"
     skeleton = _own(skeleton, sources.skeleton, walk)
     tables.write_arrow(out, suspect.hidden(skeleton) if "" in without_place else skeleton)
+    for part, path in sources.gait.items():
+        table = _own(tables.read_arrow(path, GAIT[part]), path, walk)
+        out = folder / part / who / f"{name}.parquet"
+        tables.write_arrow(out, suspect.without_gait(table) if "" in without_place else table)
     if sources.detections:
         _write_detections(sources.detections, walk, folder)
     for camera, path in sources.boxes.items():
@@ -87,7 +96,8 @@ def _own(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table:
                 f"{path}: the {column} is {names[0]}, but the sheet says {expected}; delete it and run again"
             )
     kind = tables.kind_of(table)
-    table = shift_stamps.shifted(table, walk["shift_ns"]) if walk["shift_ns"] else table
+    if walk["shift_ns"] and "stamp_ns" in table.column_names:
+        table = shift_stamps.shifted(table, walk["shift_ns"])
     return table.replace_schema_metadata(tables.own_metadata(kind))
 
 

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import yaml
 
+from dior.gait import gait
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics
 from dior.release import package, provenance
@@ -100,6 +101,16 @@ def skeleton(path, who, name):
     columns = {"subject": [who] * 2, "sequence": [name] * 2, "joint": list(JOINTS), "instant": [0, 0],
                "stamp_ns": [0, 0], "x": [1.0, np.nan], "status": ["ok", "too_few_views"]}  # fmt: skip
     tables.write(path, "skeletons_3d", columns)
+
+
+def walked(results, who, name):
+    """The tables of the gait, of which there is none in such a skeleton; returns their paths."""
+    out = [results / f"gait/{name}{part}.parquet" for part in ("", ".events", ".steps")]
+    gait.run(
+        sequence=name, subject=who, skeleton=results / f"mocap/{name}.parquet", out=out[0], out_events=out[1],
+        out_steps=out[2], findings=results / f"gait/{name}.findings.parquet",
+    )  # fmt: skip
+    return out
 
 
 def frames(path, name):
@@ -210,6 +221,7 @@ def project(root, walks=WALKS):
         "pixels",
         "covers",
         "skeletons",
+        "gait",
         "frames",
         "detections",
         "metrics",
@@ -231,6 +243,7 @@ def project(root, walks=WALKS):
             pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), who, name, camera)
             covers(add("covers", f"pixels/{name}.{camera}.covers.parquet"), who, name, camera)
         skeleton(add("skeletons", f"mocap/{name}.parquet"), who, name)
+        found["gait"] += walked(results, who, name)
         frames(add("frames", f"frames/{name}.parquet"), name)
         clocks(add("clocks", f"clocks/{name}.parquet"), name)
         if environment == "outdoor":

@@ -60,6 +60,7 @@ def build(folder):
     for subject, sequence, *_, environment, _, _ in WALKS:
         names, at = motion(environment)
         _skeleton(folder, subject, sequence, names, at, MOCAP_HZ if environment == "indoor" else FPS)
+        _gait_events(folder, subject, sequence)
         for name in CAMERAS:
             _labels(folder, subject, sequence, name, names, at)
             _frames(folder, subject, sequence, name)
@@ -120,6 +121,16 @@ def _skeleton(folder, subject, sequence, names, at, rate):
         "status": np.where(np.isnan(flat[:, 0]), "too_few_views", "ok"),
     }  # fmt: skip
     tables.write(folder / f"skeletons_3d/{subject}/{sequence}.parquet", "skeletons_3d", columns)
+
+
+def _gait_events(folder, subject, sequence):
+    """A heel strike of each foot."""
+    columns = {
+        "subject": [subject] * 2, "sequence": [sequence] * 2, "foot": ["left", "right"], "event": ["heel_strike"] * 2,
+        "stamp_ns": [START_NS + 123_000_000, START_NS + 456_000_000], "instant": [12, 46], "time_s": [0.123, 0.456],
+        "sigma_s": [0.01, 0.02], "low_s": [0.103, 0.416], "high_s": [0.143, 0.496], "reason": ["", "turn"],
+    }  # fmt: skip
+    tables.write(folder / f"gait_events/{subject}/{sequence}.parquet", "gait_events", columns)
 
 
 def _labels(folder, subject, sequence, name, names, at):

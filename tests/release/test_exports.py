@@ -311,6 +311,15 @@ def test_bids_has_what_the_specification_requires(made):
     assert rows[20][at : at + 3] == ["n/a"] * 3 and "n/a" not in rows[19]
     _, motion = small.motion("indoor")
     np.testing.assert_allclose(np.array(rows[7], float).reshape(39, 3), motion(np.array([0.07]))[0], atol=2e-6)
+    events = list(csv.DictReader(stem.with_name(stem.name + "_events.tsv").open(), delimiter="\t"))
+    assert list(events[0])[:4] == ["onset", "duration", "trial_type", "sample"]
+    assert [list(row.values()) for row in events] == [
+        ["0.1230", "0", "heel_strike_left", "12", "0.0100", "0.1030", "0.1430", "n/a"],
+        ["0.4560", "0", "heel_strike_right", "46", "0.0200", "0.4160", "0.4960", "turn"],
+    ]
+    meaning = json.loads(stem.with_name(stem.name + "_events.json").read_text())
+    assert set(meaning) == set(events[0]) - {"onset", "duration", "sample"}
+    assert {row["trial_type"] for row in events} <= set(meaning["trial_type"]["Levels"])
     scans = list(csv.DictReader((root / "sub-pa11/sub-pa11_scans.tsv").open(), delimiter="\t"))
     assert [row["sequence"] for row in scans] == ["walk_1"], "walk_2 was not captured with markers"
     assert (root / "sub-pa11" / scans[0]["filename"]).is_file()

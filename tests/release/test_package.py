@@ -50,7 +50,8 @@ def test_who_did_not_agree_is_in_no_file(built):
     recordings = [("apple-0002", "walk_3"), ("zebra-0001", "walk_1"), ("zebra-0001", "walk_2")]
     expected = {f"{table}/{who}/{name}.{camera}.parquet" for table in ("labels_2d", "frames", "covers")
                 for who, name in recordings for camera in ROLES}  # fmt: skip
-    expected |= {f"skeletons_3d/{who}/{name}.parquet" for who, name in recordings}
+    expected |= {f"{table}/{who}/{name}.parquet" for table in ("skeletons_3d", "gait", "gait_events", "gait_steps")
+                 for who, name in recordings}  # fmt: skip
     expected |= {f"detections/{who}/{name}.{camera}.parquet" for who, name in recordings[::2] for camera in
                  ("cam01", "cam03")}  # fmt: skip
     expected |= {"boxes/zebra-0001/walk_2.cam02.parquet"}

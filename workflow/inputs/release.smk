@@ -23,6 +23,7 @@ RELEASED_STEPS = [
     "reconstruct.timeline",
     "reconstruct.triangulate",
     "reconstruct.refine",
+    "gait.gait",
     "label.reproject",
     "evaluate.evaluate",
     "release.heads",
@@ -192,7 +193,11 @@ def released_files():
             for sequence, who in people.items()
             for camera in PROJECT.cameras_of(sequence)
         ],
-        *[f"{RELEASE}/skeletons_3d/{who}/{sequence}.parquet" for sequence, who in people.items()],
+        *[
+            f"{RELEASE}/{part}/{who}/{sequence}.parquet"
+            for part in ("skeletons_3d", "gait", "gait_events", "gait_steps")
+            for sequence, who in people.items()
+        ],
         *[f"{RELEASE}/{table}.parquet" for table in tables],
         *[f"{RELEASE}/{file}" for file in [*about, "metrics.csv", "SHA256SUMS"]],
     ]

@@ -113,6 +113,11 @@ rule package:
             for camera in PROJECT.cameras_of(sequence)
         ],
         skeletons=[skeleton_of(sequence) for sequence in PROJECT.released_sequences],
+        gait=[
+            f"results/gait/{sequence}{part}.parquet"
+            for sequence in PROJECT.released_sequences
+            for part in ("", ".events", ".steps")
+        ],
         frames=released("results/frames/{sequence}.parquet"),
         detections=released_detections(),
         marks=released_marks(),

@@ -24,7 +24,7 @@ BY_RECORDING = ("coco", "opengait", "gaitgraph", "webdataset")
 BY_WALK = ("trc", "c3d", "bids")
 FORMATS = (*BY_RECORDING, *BY_WALK)
 # the tables of recordings and walks that are exported
-READ = ("labels_2d", "skeletons_3d", "frames")
+READ = ("labels_2d", "skeletons_3d", "frames", "gait_events")
 HEAD = """\
 # {name}: exports
 

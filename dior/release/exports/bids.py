@@ -2,7 +2,7 @@
 
 OUTPUTS  bids/dataset_description.json, README, participants.tsv and .json, and for each subject
          sub-<subject>/sub-<subject>_scans.tsv and .json, and below sub-<subject>/motion/ for each walk *_motion.tsv (m,
-         no header), *_motion.json, *_channels.tsv and *_channels.json
+         no header), *_motion.json, *_channels.tsv and *_channels.json, and *_events.tsv and .json with its gait events
 Specification: bids-specification.readthedocs.io, motion. Labels may hold letters and digits only. Only the walks
 with motion capture are in it; a release without any has no such folder.
 """
@@ -14,19 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import Floats
+from dior.arrays import Floats, Table
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.release.exports.fixed_rate import AddWalk, regular
 from dior.release.exports.recordings import Body, Release, ReleasedWalk
 from dior.release.exports.writing import plain, write_json
+from dior.release.layout import rows_of
 from dior.tables import tables
 from dior.tables.files import write_text
+from dior.tables.words import FOOT, GAIT_EVENT
 
 ABOUT = """\
 `bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`
 where a marker is missing. The task is the walk pattern, `acq` the outfit; `sub-<subject>_scans.tsv` says which file is
-which sequence.
+which sequence. `*_events.tsv` has the heel strikes and toe offs, seconds after the first sample of the motion.
 
 `pandas.read_csv("bids/sub-.../motion/sub-..._motion.tsv", sep="\\t", header=None, na_values="n/a")`
 """
@@ -34,6 +36,22 @@ which sequence.
 VERSION = "1.10.0"
 SYSTEM = "omc"  # optical motion capture
 AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z up"
+
+# the columns of events.tsv that the specification does not define
+EVENTS = {
+    "trial_type": {
+        "Description": "Gait event",
+        "Levels": {
+            f"{event}_{foot}": f"{words} of the {foot} foot"
+            for event, words in zip(GAIT_EVENT, ("Heel strike", "Toe off"), strict=True)
+            for foot in FOOT
+        },
+    },
+    "sigma": {"Description": "Standard error of the onset", "Units": "s"},
+    "low": {"Description": "95 % interval of the onset: its lower end", "Units": "s"},
+    "high": {"Description": "95 % interval of the onset: its upper end", "Units": "s"},
+    "left_out": {"Description": "Why no parameter of gait is made of it: turn, standing, or end of what is known"},
+}
 
 
 @contextmanager
@@ -59,6 +77,10 @@ def writer(folder: Path, release: Release) -> Iterator[AddWalk]:
         write_json(place / f"{stem}_motion.json", sidecar(walk, rate, points))
         write_text(place / f"{stem}_channels.tsv", channels(body.joints))
         write_json(place / f"{stem}_channels.json", {"reference_frame": {"Levels": {"world": {"Description": AXES}}}})
+        gait = release.folder / "gait_events" / walk.subject / f"{walk.sequence}.parquet"
+        if gait.is_file():
+            write_text(place / f"{stem}_events.tsv", events(tables.read(gait, "gait_events"), rate))
+            write_json(place / f"{stem}_events.json", EVENTS)
         row = (f"motion/{stem}_motion.tsv", walk.sequence, walk.session, walk.outfit or "n/a")
         scans.setdefault(walk.subject, []).append("\t".join(row))
 
@@ -88,6 +110,17 @@ def motion(points: Floats) -> str:
         else:
             lines.append(whole % tuple(row))
     return "\n".join(lines) + "\n"
+
+
+def events(gait: Table, rate: float) -> str:
+    """The table of events of a walk's `gait_events`; `rate` (Hz) of its motion."""
+    rows = ["onset\tduration\ttrial_type\tsample\tsigma\tlow\thigh\tleft_out"]
+    for row in rows_of(gait):
+        seconds = (f"{row[key]:.4f}" for key in ("sigma_s", "low_s", "high_s"))
+        sample, reason = round(row["time_s"] * rate), row["reason"] or "n/a"
+        cells = (f"{row['time_s']:.4f}", "0", f"{row['event']}_{row['foot']}", str(sample), *seconds, reason)
+        rows.append("\t".join(cells))
+    return "\n".join(rows) + "\n"
 
 
 def channels(joints: Sequence[str]) -> str:

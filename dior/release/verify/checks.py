@@ -15,6 +15,7 @@ from dior.release.verify import (
     cover_checks,
     evidence,
     figures,
+    gait_checks,
     light_checks,
     pictures,
     projections,
@@ -27,6 +28,7 @@ from dior.release.verify.walk_checks import Problem, WalkFindings
 
 OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (
     light_checks.check,
+    gait_checks.check,
     projections.check,
     pictures.check,
 )

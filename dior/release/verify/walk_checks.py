@@ -44,6 +44,9 @@ COLUMNS = {
     "detections": ("joint", "frame", "stamp_ns", "u", "v", "score"),
     "boxes": ("frame", "stamp_ns", "u_min", "v_min", "u_max", "v_max"),
     "covers": ("frame", "stamp_ns"),
+    "gait": ("parameter", "side", "value", "sigma", "low", "high", "reason"),
+    "gait_events": ("foot", "event", "stamp_ns", "instant", "time_s", "sigma_s", "low_s", "high_s", "reason"),
+    "gait_steps": ("parameter", "foot", "start_s", "end_s", "value", "sigma", "low", "high"),
     "marks": ("camera", "kind", "joint", "frame", "stamp_ns", "u", "v", "x", "y", "z", "residual_px"),
 }
 WITHOUT_PIXEL = (*WITHOUT_3D, "behind_camera")
@@ -156,7 +159,7 @@ def walk(who: str, sequence: str, files: dict[str, File], listed: Sequence[str],
                 found.pictures[camera] = sample.pictures()
             elif kind == "skeletons_3d":
                 sentences += _skeleton(table, counts)
-            else:
+            elif not kind.startswith("gait"):
                 sentences += _about_frames(table, kind, camera, frames, counts)
             found.problems += [(path, text) for text in sentences]
         except Broken as error:

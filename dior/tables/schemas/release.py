@@ -195,6 +195,9 @@ TABLES = {
 RELEASED = (
     "labels_2d",
     "skeletons_3d",
+    "gait_parameters",
+    "gait_events",
+    "gait_steps",
     "released_frames",
     "released_boxes",
     "released_marks",
