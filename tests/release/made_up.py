@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 
 from dior.evaluate import evaluate
 from dior.evaluate.metrics import as_csv
+from dior.gait import gait
 from dior.geometry import camera_tables
 from dior.project import licenses
 from dior.release import card as cards
@@ -312,6 +313,7 @@ def release(folder, who=EVERYONE):
             tables.write(folder / "detections" / recording, "released_detections", detections(name, camera))
         tables.write(folder / f"skeletons_3d/{subject}/{name}.parquet", "skeletons_3d", skeleton(name))
         tables.write(folder / f"marks/{subject}/{name}.parquet", "released_marks", marks(name))
+        _walked(folder, subject, name)
     rig = cameras(who)
     pairs = {"session": rig["session"], "camera": rig["camera"], "other": rig["camera"]}
     pairs["covariance"] = rig["covariance"]
@@ -334,6 +336,19 @@ def release(folder, who=EVERYONE):
     (folder / "provenance.json").write_text(json.dumps(provenance(who)) + "\n")
     checksums.write(folder)
     return folder
+
+
+def _walked(folder, subject, name):
+    """The tables of the gait, of which there is none without feet."""
+    out, out_events, out_steps = (
+        folder / f"{kind}/{subject}/{name}.parquet" for kind in ("gait", "gait_events", "gait_steps")
+    )
+    beside = folder.with_name(f"{name}.findings.parquet")
+    gait.run(
+        sequence=name, subject=subject, skeleton=folder / f"skeletons_3d/{subject}/{name}.parquet", out=out,
+        out_events=out_events, out_steps=out_steps, findings=beside,
+    )  # fmt: skip
+    beside.unlink()
 
 
 def provenance(who=EVERYONE):
