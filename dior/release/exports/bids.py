@@ -20,7 +20,6 @@ from dior.errors import DiorError
 from dior.release.exports.fixed_rate import AddWalk, regular
 from dior.release.exports.recordings import Body, Release, ReleasedWalk
 from dior.release.exports.writing import plain, write_json
-from dior.release.layout import rows_of
 from dior.tables import tables
 from dior.tables.files import write_text
 from dior.tables.words import FOOT, GAIT_EVENT
@@ -115,11 +114,10 @@ def motion(points: Floats) -> str:
 def events(gait: Table, rate: float) -> str:
     """The table of events of a walk's `gait_events`; `rate` (Hz) of its motion."""
     rows = ["onset\tduration\ttrial_type\tsample\tsigma\tlow\thigh\tleft_out"]
-    for row in rows_of(gait):
-        seconds = (f"{row[key]:.4f}" for key in ("sigma_s", "low_s", "high_s"))
-        sample, reason = round(row["time_s"] * rate), row["reason"] or "n/a"
-        cells = (f"{row['time_s']:.4f}", "0", f"{row['event']}_{row['foot']}", str(sample), *seconds, reason)
-        rows.append("\t".join(cells))
+    keys = ("time_s", "event", "foot", "sigma_s", "low_s", "high_s", "reason")
+    for at, event, foot, *spread, reason in zip(*(gait[key].tolist() for key in keys), strict=True):
+        seconds = (f"{value:.4f}" for value in spread)
+        rows.append("\t".join((f"{at:.4f}", "0", f"{event}_{foot}", str(round(at * rate)), *seconds, reason or "n/a")))
     return "\n".join(rows) + "\n"
 
 
