@@ -102,7 +102,7 @@ def lacks(gait: Gait) -> str:
     if not len(gait.events.seconds):
         return "no gait events: nobody takes a step in it, or too little is known at a time"
     if not gait.rows:
-        return "no step is left to measure: all events are in turns, of somebody who stands, or where the 3D ends"
+        return "no step is left to measure: none lies whole between turns, times of standing, and the ends of the 3D"
     return ""
 
 

@@ -65,6 +65,24 @@ def test_labels_are_near_the_truth(project):
     assert figure(rows, "in_box_share", role="long_range") > 0.9
 
 
+def test_gait_events_are_where_the_feet_touch_the_floor(project):
+    """Of every walk, in the results and in the release; a few, as the capture is short."""
+    for walk in ("indoor_01", "outdoor_01"):
+        events = tables.read(project / f"results/gait/{walk}.events.parquet", "gait_events")
+        true = tables.read(project / f"results/simulate/truth/{walk}/contacts.parquet", "contacts")
+        assert len(events["time_s"]) >= 4
+        off = []
+        for foot, event, at, sigma in zip(*(events[k] for k in ("foot", "event", "stamp_ns", "sigma_s")), strict=True):
+            own = true["stamp_ns"][(true["foot"] == foot) & (true["event"] == event)]
+            off.append(np.abs(own - at).min() / 1e9)
+            assert 0.002 < sigma < 0.04
+        assert np.median(off) < 0.03 and np.quantile(off, 0.75) < 0.05, walk
+        for kind, part in (("gait", ""), ("gait_events", ".events"), ("gait_steps", ".steps")):
+            (released,) = (project / f"results/release/dior-0.1.0/{kind}").glob(f"*/{walk}.parquet")
+            made = pd.read_parquet(project / f"results/gait/{walk}{part}.parquet")
+            pd.testing.assert_frame_equal(pd.read_parquet(released), made)
+
+
 def test_nothing_is_in_doubt_in_a_clean_capture(project):
     out = project / "results/release/dior-0.1.0"
     assert not (out / "lights.parquet").exists()
