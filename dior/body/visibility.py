@@ -88,12 +88,18 @@ def _behind(sight: Floats, far: Floats, a: Floats, b: Floats, r0: float, r1: flo
     depth = start + share * along
     radius = r0 + share * (r1 - r0)
     gap2 = radius**2 - (a2 + share * (2 * onto + share * length2) - depth**2)
-    enters = depth - np.sqrt(np.maximum(gap2, 0.0))
+    # most lines of sight pass the limb by
+    out = gap2 > 0
+    within = np.nonzero(out)
+    far, along, start, depth, radius, gap2 = (v[within] for v in (far, along, start, depth, radius, gap2))
+    length2, onto, a2 = (v[within[0], 0] for v in (length2, onto, a2))
+    enters = depth - np.sqrt(gap2)
     # the joint's own distance from the axis
     joint = far * along - onto
     s = np.clip(joint / length2, 0.0, 1.0)
     own = far * (far - 2 * start) + a2 + s * (s * length2 - 2 * joint) <= (OWN * (r0 + s * (r1 - r0))) ** 2
-    return (gap2 > 0) & (far - enters > np.where(own, OWN_DEPTH, OTHER_DEPTH) * radius)
+    out[within] = far - enters > np.where(own, OWN_DEPTH, OTHER_DEPTH) * radius
+    return out
 
 
 def body_points(points: Floats, names: Sequence[str]) -> dict[str, Floats]:
