@@ -175,8 +175,8 @@ def labelled(level, seed, kind):
         found = tables.read(made.made("triangulate", name, ".findings"), "findings")
         said = [scope for scope, code in zip(found["scope"], found["code"], strict=True) if code == "culprit_camera"]
         parts = {True: [], False: []}
+        steps._reproject(made, name, close)
         for i, camera in enumerate(close):
-            steps._reproject(made, name, camera)
             table = tables.read(steps.labels_of(made, name, camera), "labels_2d")
             parts[i in faulty("pose", cameras, seed)[2]].append(of_truth(table, made.views[name][camera]))
         return parts, said == ["/".join((name, *(close[i] for i in wrong)))]

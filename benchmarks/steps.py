@@ -61,8 +61,7 @@ def labelled(folder, true_clocks=False, start_sigma_s=0.0, offsets_s=None, **set
     for session in capture.project.sessions:
         (_indoors if levels.place_of(session) == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
-        for camera in capture.project.cameras_of(name):
-            _reproject(capture, name, camera)
+        _reproject(capture, name, capture.project.cameras_of(name))
     return capture
 
 
@@ -335,20 +334,20 @@ def labels_of(capture, name, camera):
     return capture.made("reproject", f"{name}.{camera}")
 
 
-def _reproject(capture, name, camera):
+def _reproject(capture, name, every):
     session, indoor = capture.project.session_of(name), capture.project.indoor(name)
-    own = "locate" if indoor else "adjust" if camera in capture.project.close(session) else "align"
-    steps = [(own, session if own == "adjust" else f"{session}/{camera}")]
-    if own == "align":
-        steps.insert(0, ("adjust", session))
+    close = capture.project.close(session)
+    own = {one: "locate" if indoor else "adjust" if one in close else "align" for one in every}
+    steps = dict.fromkeys((step, session if step == "adjust" else f"{session}/{one}") for one, step in own.items())
+    kinds = {kind: [clock_tables(capture, name, one, kind) for one in every] for kind in ("", ".gains")}
+    clocks, gains = (list(dict.fromkeys(path for paths in each for path in paths)) for each in kinds.values())
     reproject.run(
-        sequence=name, subject=capture.project.subject_of(name), camera=camera,
-        cameras=[capture.made(*step) for step in steps], makers=[] if indoor else capture.project.close(session),
+        sequence=name, subject=capture.project.subject_of(name), labelled=every,
+        cameras=[capture.made(*step) for step in steps], makers=[] if indoor else close,
         covariance=[capture.made(*step, ".covariance") for step in steps],
         skeleton=skeleton_of(capture, name),
-        frames=capture.made("frames", name), clocks=clock_tables(capture, name, camera, ""),
-        clock_gains=clock_tables(capture, name, camera, ".gains"),
-        source="mocap" if indoor else "triangulated", out=labels_of(capture, name, camera),
+        frames=capture.made("frames", name), clocks=clocks, clock_gains=gains,
+        source="mocap" if indoor else "triangulated", out=[labels_of(capture, name, one) for one in every],
     )  # fmt: skip
 
 

@@ -72,7 +72,8 @@ def _run_step(step: str, words: list[str]) -> int:
     from dior.evaluate import timing
 
     with running.job():
-        with _all_or_nothing([value for value in given.values() if isinstance(value, Path)]):
+        values = [one for value in given.values() for one in (value if isinstance(value, list) else [value])]
+        with _all_or_nothing([value for value in values if isinstance(value, Path)]):
             module.run(**_grouped(module, step, given))
         timing.write(step, given, started)
     return 0

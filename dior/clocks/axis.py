@@ -5,11 +5,13 @@ C3D frame indoors, the time of the reference camera outdoors.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
-from dior.arrays import Bools, Floats, Ints, Table
+from dior.arrays import Bools, Floats, Ints, Table, Texts
 from dior.errors import DiorError
 from dior.geometry.covariance import point_covariance
 from dior.tables import tables
@@ -22,6 +24,8 @@ SAME_TIME_S = 1e-6  # chosen: above the rounding of stamps in ns, far below what
 
 # a clock as it is used: offset_s, drift_ppm and its source (table `offsets`)
 ClockValues: TypeAlias = tuple[float, float, str]
+# what `bracket` gives: the frames before and after each query, and the weight of the later
+Bracket: TypeAlias = tuple[Ints, Ints, Floats]
 
 
 def nominal_fps(stamps_ns: Ints) -> float:
@@ -31,7 +35,7 @@ def nominal_fps(stamps_ns: Ints) -> float:
     return float(standard) if abs(standard / fps - 1) < SAME_RATE else round(float(fps), 3)
 
 
-def bracket(times: Floats, queries: Floats, max_gap_s: float) -> tuple[Ints, Ints, Floats]:
+def bracket(times: Floats, queries: Floats, max_gap_s: float) -> Bracket:
     """Frames around each query: indices before and after (Q,), -1 for none, and the weight (Q,) of the later.
 
     `times` (F,) s, in any order: a picture may be recorded after a later one. A query between frames further apart than
@@ -119,49 +123,76 @@ def seconds(stamp_ns: Ints | int, t0_ns: int | np.int64, offset_s: float = 0.0, 
     return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
 
 
-def said_at_pictures(skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float, word: str) -> Bools:
-    """Whether an instant beside a picture says `word` of a joint in its status, (F, J)."""
-    status = (skeleton["status"] == word).reshape(-1, len(tables.ordered_unique(skeleton["joint"])))
-    instants_ns = skeleton["stamp_ns"].reshape(status.shape)[:, 0]
-    grid = seconds(instants_ns, instants_ns[0], 0.0, 0.0)
-    after = np.searchsorted(grid, seconds(stamps_ns, instants_ns[0], offset_s, drift_ppm))
-    after = np.clip(after, 0, len(grid) - 1)
-    found: Bools = status[after] | status[np.maximum(after - 1, 0)]
-    return found
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """A `skeletons_3d` table as arrays, made once for all cameras of a sequence.
 
-
-def velocity_at_pictures(skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> Floats:
-    """Velocities (F, J, 3) m/s of the joints at the pictures' stamps, 0 where a joint has no neighbour in time."""
-    points, _ = tables.grid(skeleton, "x", "y", "z")
-    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    grid = seconds(instants_ns, instants_ns[0])
-    if len(grid) < 2:
-        return np.zeros((len(stamps_ns), *points.shape[1:]))
-    ahead = np.diff(points, axis=0) / np.diff(grid)[:, None, None]
-    nothing = np.full((1, *points.shape[1:]), np.nan)
-    before, after = np.concatenate([nothing, ahead]), np.concatenate([ahead, nothing])
-    both = np.where(np.isfinite(before) & np.isfinite(after), (before + after) / 2, np.fmax(before, after))
-    where = bracket(grid, seconds(stamps_ns, instants_ns[0], offset_s, drift_ppm), 1.5 * np.median(np.diff(grid)))
-    return np.nan_to_num(blend(np.nan_to_num(both), *where))
-
-
-def at_pictures(
-    skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float
-) -> tuple[Floats, Floats, Bools, list[str]]:
-    """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
-    whether a gap was bridged (F, J), and the joint names.
-
-    Linear between instants, never across a missing one. Before the first instant and after the last there is nothing.
-    The covariance is interpolated as if the errors of neighbouring instants were the same: a detector's nearly are.
+    `joints` (J,); `stamps_ns` (I,) of the instants; `points` (I, J, 3) m; `status` (I, J); `skeleton`: the table.
     """
+
+    joints: list[str]
+    stamps_ns: Ints
+    points: Floats
+    status: Texts
+    skeleton: Table
+
+    @cached_property
+    def grid(self) -> Floats:
+        """Times (I,) s of the instants after the first."""
+        return seconds(self.stamps_ns, self.stamps_ns[0])
+
+    @cached_property
+    def noise(self) -> Floats:
+        """Covariance (I, J, 3, 3) m^2 of the points given the cameras."""
+        return point_covariance(self.skeleton, self.points.shape[:2])
+
+    @cached_property
+    def velocity(self) -> Floats:
+        """Velocities (I, J, 3) m/s, 0 where a joint has no neighbour in time."""
+        if len(self.grid) < 2:
+            return np.zeros(self.points.shape)
+        ahead = np.diff(self.points, axis=0) / np.diff(self.grid)[:, None, None]
+        nothing = np.full((1, *self.points.shape[1:]), np.nan)
+        before, after = np.concatenate([nothing, ahead]), np.concatenate([ahead, nothing])
+        both = np.where(np.isfinite(before) & np.isfinite(after), (before + after) / 2, np.fmax(before, after))
+        return np.nan_to_num(both)
+
+    def around(self, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> Bracket:
+        """`bracket` of pictures; other arguments as of `seconds`."""
+        gap = 1.5 * np.median(np.diff(self.grid)) if len(self.grid) > 1 else SAME_TIME_S
+        return bracket(self.grid, seconds(stamps_ns, self.stamps_ns[0], offset_s, drift_ppm), gap)
+
+    def at_pictures(self, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> tuple[Floats, Floats, Bools]:
+        """At the pictures' stamps: points (F, J, 3) m, their velocities (F, J, 3) m/s, if a gap was bridged (F, J).
+
+        Linear between instants, never across a missing one. Before the first instant and after the last there is
+        nothing, and the velocity is 0.
+        """
+        before, after, weight = where = self.around(stamps_ns, offset_s, drift_ppm)
+        filled = self.status == "gap_filled"
+        bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
+        return blend(self.points, *where), np.nan_to_num(blend(self.velocity, *where)), bridged
+
+    def noise_at_pictures(self, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> Floats:
+        """Covariance (F, J, 3, 3) m^2 of the points at pictures, given the cameras.
+
+        Interpolated as if the errors of neighbouring instants were the same: a detector's nearly are.
+        """
+        return blend(self.noise, *self.around(stamps_ns, offset_s, drift_ppm))
+
+    def said_at_pictures(self, stamps_ns: Ints, offset_s: float, drift_ppm: float, word: str) -> Bools:
+        """Whether an instant beside a picture says `word` of a joint in its status, (F, J)."""
+        status = self.status == word
+        after = np.searchsorted(self.grid, seconds(stamps_ns, self.stamps_ns[0], offset_s, drift_ppm))
+        after = np.clip(after, 0, len(self.grid) - 1)
+        found: Bools = status[after] | status[np.maximum(after - 1, 0)]
+        return found
+
+
+def moving(skeleton: Table) -> Moving:
+    """`Moving` of a `skeletons_3d` table."""
     points, joints = tables.grid(skeleton, "x", "y", "z")
-    filled = (skeleton["status"] == "gap_filled").reshape(points.shape[:2])
-    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    t0 = instants_ns[0]
-    grid = seconds(instants_ns, t0, 0.0, 0.0)
-    gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else SAME_TIME_S
-    where = bracket(grid, seconds(stamps_ns, t0, offset_s, drift_ppm), gap)
-    before, after, weight = where
-    bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
-    noise = point_covariance(skeleton, points.shape[:2])
-    return blend(points, *where), blend(noise, *where), bridged, joints
+    shape = points.shape[:2]
+    return Moving(
+        joints, skeleton["stamp_ns"].reshape(shape)[:, 0], points, skeleton["status"].reshape(shape), skeleton
+    )

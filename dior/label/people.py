@@ -17,6 +17,7 @@ import numpy as np
 
 from dior.arrays import Table
 from dior.body.whose_detections import Somebody, everyone
+from dior.clocks.axis import moving
 from dior.label import reproject
 from dior.reconstruct import everybody, refine, triangulate
 from dior.reconstruct.triangulate import Given, Limits, Told
@@ -92,12 +93,9 @@ def run(
     words = [one.is_subject for one in found]
     tables.write(out, "people_3d", _joined(sequence, words, bodies))
     known = tables.read(out, "people_3d")
-    views = [
-        reproject.seen_by(
-            sequence, one, rig.cameras, rig.makers, rig.covariance, recorded.frames, rig.clocks, rig.clock_gains
-        )
-        for one in rig.labelled
-    ]
+    views = reproject.seen_by(
+        sequence, rig.labelled, rig.cameras, rig.makers, rig.covariance, recorded.frames, rig.clocks, rig.clock_gains
+    )
     each = [_labels(views, of_person(known, number)) for number in range(len(found))]
     tables.write(out_labels, "people_2d", _joined(sequence, words, each))
     tables.write_findings(findings, _findings(sequence, given, found, known))
@@ -126,9 +124,9 @@ def body_of(given: Given, who: Somebody, method: str, limits: Limits, max_gap_s:
 
 def _labels(views: Sequence[reproject.View], body: Table) -> Table:
     """Columns of `people_2d` of one `body` in all cameras."""
-    parts = []
+    walker, parts = moving(body), []
     for view in views:
-        columns = _spelled(reproject.columns(view, body, "triangulated"))
+        columns = _spelled(reproject.columns(view, walker, "triangulated"))
         parts.append({"camera": np.full(len(columns["frame"]), view.camera.name, object)} | columns)
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 

@@ -1,8 +1,8 @@
-"""2D labels of one camera: the 3D skeleton at every picture's own stamp, projected.
+"""2D labels of the cameras of a sequence: the 3D skeleton at every picture's own stamp, projected.
 
-INPUTS   skeleton (`skeletons_3d`: mocap indoors, triangulated outdoors), the camera, frames; the cameras that the
+INPUTS   skeleton (`skeletons_3d`: mocap indoors, triangulated outdoors), the cameras, frames; the cameras that the
          skeleton was triangulated from, the joint covariance of all of them, and their clocks
-OUTPUTS  `labels_2d`: one row per frame and joint, px in the recorded picture
+OUTPUTS  `labels_2d`, a table a camera: one row per frame and joint, px in the recorded picture
 Paper, section 3D-2D re-projection. A label is evaluated at its picture's stamp, between the instants of the skeleton.
 Its sigma is null where its camera's pose, its clock or the 3D has no known uncertainty.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from dior.arrays import Floats, Table, Texts
 from dior.body.visibility import hidden
 from dior.clocks import clock as on_axis
-from dior.clocks.axis import at_pictures, said_at_pictures, seconds, velocity_at_pictures
+from dior.clocks.axis import Moving, moving, seconds
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
@@ -48,7 +48,7 @@ def run(
     *,
     sequence: str,
     subject: str,
-    camera: str,
+    labelled: list[str],
     cameras: list[Path],
     makers: list[str],
     covariance: list[Path],
@@ -57,18 +57,21 @@ def run(
     clocks: list[Path],
     clock_gains: list[Path],
     source: str,
-    out: Path,
+    out: list[Path],
 ) -> None:
-    """Write the labels of one camera of one sequence.
+    """Write the labels of the cameras of one sequence.
 
-    `cameras`: `cameras` tables that hold the camera and those called `makers`, which the skeleton was triangulated from
+    `labelled`: the cameras that get labels; `out`: a `labels_2d` table to write for each of them, in that order;
+    `cameras`: `cameras` tables that hold these and those called `makers`, which the skeleton was triangulated from
     (none indoors); `covariance`: their `camera_covariance` tables; `clocks`, `clock_gains`: their tables of both names.
     """
-    view = seen_by(sequence, camera, cameras, makers, covariance, frames, clocks, clock_gains)
-    known = columns(view, tables.read(skeleton, "skeletons_3d"), source)
-    once = np.zeros(len(known["frame"]), int)
-    whose = {"subject": subject, "sequence": sequence, "camera": camera}
-    tables.write(out, "labels_2d", {key: tables.Repeated([word], once) for key, word in whose.items()} | known)
+    views = seen_by(sequence, labelled, cameras, makers, covariance, frames, clocks, clock_gains)
+    body = moving(tables.read(skeleton, "skeletons_3d"))
+    for view, path in zip(views, out, strict=True):
+        known = columns(view, body, source)
+        once = np.zeros(len(known["frame"]), int)
+        whose = {"subject": subject, "sequence": sequence, "camera": view.camera.name}
+        tables.write(path, "labels_2d", {key: tables.Repeated([word], once) for key, word in whose.items()} | known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,42 +89,47 @@ class View:
 
 def seen_by(
     sequence: str,
-    camera: str,
+    labelled: list[str],
     cameras: list[Path],
     makers: list[str],
     covariance: list[Path],
     frames: Path,
     clocks: list[Path],
     clock_gains: list[Path],
-) -> View:
-    """`View` from the files; arguments as of `run`."""
-    names = list(dict.fromkeys([*makers, camera]))
-    rig = dict(zip(names, camera_tables.read_placed(cameras, names, sequence), strict=True))
-    rows = tables.of_camera(tables.read(frames, "frames"), camera)
-    if not len(rows["frame"]):
-        raise DiorError(f"{sequence}, camera {camera}: {frames} lists no picture of it")
-    cam.check_picture_size(rig[camera].intrinsics, rows["width"][0], rows["height"][0], f"{sequence}, camera {camera}")
-    known = on_axis.read(clocks, clock_gains)
-    for name in (*makers, camera):
-        if name not in known:
-            raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of {name}")
-    joint = camera_tables.read_camera_covariance(covariance, names, with_lenses=True)
-    return View(rig[camera], [rig[name] for name in makers], names, joint, known, rows)
+) -> list[View]:
+    """The `View` of each camera that is `labelled`, from the files; arguments as of `run`."""
+    every = list(dict.fromkeys([*makers, *labelled]))
+    rig = dict(zip(every, camera_tables.read_placed(cameras, every, sequence), strict=True))
+    pictures, known = tables.read(frames, "frames"), on_axis.read(clocks, clock_gains)
+    joint = camera_tables.read_camera_covariance(covariance, every, with_lenses=True).reshape(len(every), 9, -1, 9)
+    views = []
+    for camera in labelled:
+        rows = tables.of_camera(pictures, camera)
+        if not len(rows["frame"]):
+            raise DiorError(f"{sequence}, camera {camera}: {frames} lists no picture of it")
+        lens = rig[camera].intrinsics
+        cam.check_picture_size(lens, rows["width"][0], rows["height"][0], f"{sequence}, camera {camera}")
+        for name in (*makers, camera):
+            if name not in known:
+                raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of {name}")
+        names = list(dict.fromkeys([*makers, camera]))
+        own = [every.index(name) for name in names]
+        among = joint[own][:, :, own].reshape(9 * len(own), 9 * len(own))
+        views.append(View(rig[camera], [rig[name] for name in makers], names, among, known, rows))
+    return views
 
 
-def columns(view: View, body: Table, source: str) -> dict[str, tables.Column]:
-    """The columns of `labels_2d` of a `body` (`skeletons_3d`), but for whose and of which camera they are."""
+def columns(view: View, body: Moving, source: str) -> dict[str, tables.Column]:
+    """The columns of `labels_2d` of a `body`, but for whose and of which camera they are."""
     camera, rows = view.camera, view.rows
     own = view.clocks[camera.name]
     at = rows["stamp_ns"], own.offset_s, own.drift_ppm
-    points, noise, bridged, joints = at_pictures(body, *at)
-    velocity = velocity_at_pictures(body, *at)
-    uv, depth, status = labels(camera, points, joints)
-    suspect = said_at_pictures(body, *at, "suspect")
-    status = np.where((status == "missing_3d") & suspect, "suspect", status)
-    if source == "mocap":
-        noise = np.zeros_like(noise)
-    elapsed = seconds(rows["stamp_ns"], body["stamp_ns"][0])
+    points, velocity, bridged = body.at_pictures(*at)
+    # a marker's own error is not counted
+    noise = np.zeros((*points.shape, 3)) if source == "mocap" else body.noise_at_pictures(*at)
+    uv, depth, status = labels(camera, points, body.joints)
+    status = np.where((status == "missing_3d") & body.said_at_pictures(*at, "suspect"), "suspect", status)
+    elapsed = seconds(rows["stamp_ns"], body.stamps_ns[0])
     timing = uncertainty.Timing(view.clocks, velocity, elapsed, np.nan_to_num(rows["restored_sigma_s"]))
     spread = uncertainty.of_labels(camera, points, noise, view.makers, view.names, view.joint, timing)
     sigma_u, sigma_v, rho_uv = uncertainty.columns(spread)
@@ -129,7 +137,7 @@ def columns(view: View, body: Table, source: str) -> dict[str, tables.Column]:
     words = [source, "interpolated"]
     has_source = ~np.isin(status, WITHOUT_3D).ravel()
     return {
-        "joint": tables.Repeated(joints, np.tile(np.arange(each), count)),
+        "joint": tables.Repeated(body.joints, np.tile(np.arange(each), count)),
         "frame": np.repeat(rows["frame"], each),
         "stamp_ns": np.repeat(rows["stamp_ns"], each),
         "u": uv[..., 0].ravel(),

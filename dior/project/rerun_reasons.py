@@ -18,6 +18,8 @@ from dior.errors import many
 # chosen: of more changes than these nobody reads the rest; a key that many steps are given counts once
 MOST = 6
 CODE = "the code of "
+# parameters that are the code of a step, "" for the job's own
+CODES = {"code": "", "label_code": "reproject"}
 AFTER = "after "
 # a word of `contents_of` (workflow/rules/common.smk): a file's name and what is in it
 CONTENT = re.compile(r"(.*) (?:[0-9a-f]{64}|\d+ [0-9a-f]{16}|missing|unreadable)", re.DOTALL)
@@ -57,8 +59,8 @@ def words(
     found = list(_files([changed.pop("contents", [])], [value for value in old if _is_contents(value)]))
     old = [value for value in old if not _is_contents(value)]
     for name, value in changed.items():
-        if name == "code":
-            found.append(f"{CODE}{step}")
+        if name in CODES:
+            found.append(f"{CODE}{CODES[name] or step}")
         elif name in SHEETS:
             found.append(SHEETS[name])
         else:

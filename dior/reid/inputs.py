@@ -20,7 +20,7 @@ from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts, runs_of
 from dior.body.coco17 import coco17
 from dior.body.names import COCO_17
 from dior.clocks import clock as on_axis
-from dior.clocks.axis import at_pictures, nominal_fps
+from dior.clocks.axis import moving, nominal_fps
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.label.reproject import labels
@@ -69,14 +69,14 @@ def run(
     rig = dict(zip(names, camera_tables.read_placed(cameras, names, sequence), strict=True))
     known, pictures = on_axis.read(clocks), tables.read(frames, "frames")
     body = tables.read(skeleton, "skeletons_3d")
-    _, joints = tables.grid(body, "x")
-    parts = []
+    walker, parts = moving(body), []
+    joints = walker.joints
     for name in names:
         rows = tables.of_camera(pictures, name)
         if name not in known or not len(rows["frame"]):
             lacks = "clock" if name not in known else "picture"
             raise DiorError(f"{sequence}, camera {name}: there is no {lacks} of it; run the steps before")
-        points, *_ = at_pictures(body, rows["stamp_ns"], known[name].offset_s, known[name].drift_ppm)
+        points, *_ = walker.at_pictures(rows["stamp_ns"], known[name].offset_s, known[name].drift_ppm)
         uv, depth, status = labels(rig[name], coco17(points, joints)[0], list(COCO_17))
         parts.append(_label_rows(subject, sequence, name, rows, uv, depth, status, source))
     if all((part["status"] == "missing_3d").all() for part in parts):

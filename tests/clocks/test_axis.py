@@ -124,16 +124,17 @@ def walked(hz, count):
 def test_a_walker_at_the_pictures_is_as_far_on_as_their_clock_says(hz):
     skeleton = walked(hz, int(20 * hz))
     stamps = T0 + np.array([2, 10, 18]) * 1_000_000_000
-    velocity = axis.velocity_at_pictures(skeleton, stamps, 0.1, 300.0)
+    walker = axis.moving(skeleton)
+    points, velocity, bridged = walker.at_pictures(stamps, 0.1, 300.0)
     moments = np.array([2, 10, 18]) * 1.0003 + 0.1
     np.testing.assert_allclose(velocity[:, 0, 0], 1.2, atol=1e-6)
     np.testing.assert_allclose(velocity[:, 0, 1], 0.6 * moments, atol=1e-5)
-    points, noise, bridged, joints = axis.at_pictures(skeleton, stamps, 0.1, 300.0)
     np.testing.assert_allclose(points[:, 0, 0], 1.2 * moments, atol=1e-7)
-    assert joints == ["nose"] and not bridged.any()
+    assert walker.joints == ["nose"] and not bridged.any()
+    noise = walker.noise_at_pictures(stamps, 0.1, 300.0)
     np.testing.assert_allclose(noise, np.broadcast_to(1e-4 * np.eye(3), (3, 1, 3, 3)), atol=1e-12)
     # a clock that is earlier than the first instant has nothing to show
-    assert np.isnan(axis.at_pictures(skeleton, T0 + np.array([0]), -0.01, 0.0)[0]).all()
+    assert np.isnan(walker.at_pictures(T0 + np.array([0]), -0.01, 0.0)[0]).all()
 
 
 def test_t0_is_the_first_instant_of_the_mocap_or_else_the_first_picture():
@@ -147,7 +148,7 @@ def test_a_picture_beside_a_bridged_instant_says_so_and_between_lost_ones_there_
     skeleton["status"][20] = "gap_filled"
     skeleton = {key: np.delete(values, [30, 31, 32]) for key, values in skeleton.items()}
     at = np.array([18.5, 19.0, 19.5, 20.0, 20.5, 21.0, 28.5, 29.0, 30.0, 31.5, 33.0])
-    points, _, bridged, _ = axis.at_pictures(skeleton, T0 + np.round(at * 1e7).astype(np.int64), 0.0, 0.0)
+    points, _, bridged = axis.moving(skeleton).at_pictures(T0 + np.round(at * 1e7).astype(np.int64), 0.0, 0.0)
     assert at[bridged[:, 0]].tolist() == [19.5, 20.0, 20.5]
     assert at[np.isnan(points[:, 0, 0])].tolist() == [30.0, 31.5]
 

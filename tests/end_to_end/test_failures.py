@@ -127,7 +127,7 @@ def test_every_key_of_the_config_may_be_left_out_but_for_a_release(own):
     (own / "config/config.yaml").write_text("")
     running = begin(own, "-n")
     text = running.communicate()[1]
-    assert running.returncode == 0 and re.search(r"reproject +8", text), text
+    assert running.returncode == 0 and re.search(r"reproject +2", text), text
     assert "'release.license' is not given" in last_line(own, "release", "-n")
 
 

@@ -60,7 +60,7 @@ def test_targets_have_names(project, tmp_path, target):
     shutil.copytree(project / "config", tmp_path / "config")
     who = (tmp_path / "config/subjects.tsv").read_text().splitlines()[1].split("\t")[1]
     jobs = planned(tmp_path, f"subject_{who}" if target == "subject" else target)
-    assert jobs["reproject"] == (8 if target == "subject" else 16)
+    assert jobs["reproject"] == (2 if target == "subject" else 4)
     assert ("tarballs" in jobs) == (target == "release")
 
 
@@ -71,7 +71,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     assert planned(copy) == {
         "adjust": 1, "clocks": 2, "timeline": 2, "bodies": 1, "follow": 2, "triangulate": 2, "refine": 2, "world": 2,
         "gait": 2,
-        "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
+        "align": 1, "moved": 1, "reproject": 2, "evaluate": 2,
         "overlays": 2, "clip": 2, "viewer": 2, "page": 2, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 8, "pixels": 8, "package": 1, "exports": 1, "tarballs": 3,
     }  # fmt: skip
@@ -83,7 +83,7 @@ def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     assert planned(copy) == {
         "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1,
         "gait": 1, "align": 1,
-        "gallery": 1, "reproject": 4, "evaluate": 1, "overlays": 1, "clip": 1, "viewer": 1, "page": 2, "metrics": 1,
+        "gallery": 1, "reproject": 1, "evaluate": 1, "overlays": 1, "clip": 1, "viewer": 1, "page": 2, "metrics": 1,
         "statistics": 1, "report": 1, "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip
 

@@ -109,9 +109,9 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
     for camera in CAMERAS:
         labels = out / f"{camera}.labels.parquet"
         reproject.run(
-            sequence=WALK, subject="S01", camera=camera, cameras=[placed[camera]], makers=[],
+            sequence=WALK, subject="S01", labelled=[camera], cameras=[placed[camera]], makers=[],
             covariance=[out / f"{camera}.covariance.parquet"], skeleton=markers, frames=indexed, clocks=[clocked],
-            clock_gains=[out / "clock_gains.parquet"], source="mocap", out=labels,
+            clock_gains=[out / "clock_gains.parquet"], source="mocap", out=[labels],
         )  # fmt: skip
         found[camera] = labels.read_bytes()
     return found

@@ -43,9 +43,9 @@ def test_labels_from_videos_are_those_from_bags(simulated, filmed, tmp_path, sta
     for camera in CAMERAS:
         out = tmp_path / f"{camera}.labels.parquet"
         reproject.run(
-            sequence=WALK, subject="S01", camera=camera, cameras=[made / f"{camera}.placed.parquet"], makers=[],
+            sequence=WALK, subject="S01", labelled=[camera], cameras=[made / f"{camera}.placed.parquet"], makers=[],
             covariance=[made / f"{camera}.covariance.parquet"], skeleton=made / "mocap.parquet", frames=indexed,
-            clocks=[made / "clocks.parquet"], clock_gains=[made / "clock_gains.parquet"], source="mocap", out=out,
+            clocks=[made / "clocks.parquet"], clock_gains=[made / "clock_gains.parquet"], source="mocap", out=[out],
         )  # fmt: skip
         ours, theirs = (tables.read(path, "labels_2d") for path in (out, made / f"{camera}.labels.parquet"))
         for key in ("u", "v", "sigma_u", "sigma_v"):

@@ -84,9 +84,9 @@ def test_the_subjects_rows_are_those_of_the_subjects_own_tables(together):
         np.testing.assert_array_equal(mine[key], own[key])
     for name in (*NAMES, "cam04"):
         reproject.run(
-            sequence="walk_1", subject="S01", camera=name, makers=NAMES, **files(tmp_path),
+            sequence="walk_1", subject="S01", labelled=[name], makers=NAMES, **files(tmp_path),
             skeleton=tmp_path / "refined.parquet", frames=tmp_path / "frames.parquet", source="triangulated",
-            out=tmp_path / "labels.parquet",
+            out=[tmp_path / "labels.parquet"],
         )  # fmt: skip
         table = tables.read(tmp_path / "labels.parquet", "labels_2d")
         same = tables.of_camera(people.of_person(labels, 0), name)

@@ -52,7 +52,7 @@ def run(folder, name="cam01", covariance=()):
     reproject.run(
         sequence="walk_1",
         subject="S01",
-        camera=name,
+        labelled=[name],
         cameras=[folder / "cameras.parquet"],
         makers=[],
         covariance=list(covariance),
@@ -61,7 +61,7 @@ def run(folder, name="cam01", covariance=()):
         clocks=[folder / "clocks.parquet"],
         clock_gains=[folder / "gains.parquet"],
         source="mocap",
-        out=folder / "labels.parquet",
+        out=[folder / "labels.parquet"],
     )
     return tables.read(folder / "labels.parquet", "labels_2d")
 

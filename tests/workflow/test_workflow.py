@@ -15,11 +15,25 @@ from tests.check import recorded
 from tests.end_to_end.workflow import ROOT, snakemake
 from tests.project.test_project import root  # noqa: F401
 
-RULES = {
-    name: text
-    for path in sorted((ROOT / "workflow/rules").glob("*.smk"))
-    for name, text in re.findall(r"^rule (\w+):\n(.*?)(?=^rule |\Z)", path.read_text(), re.MULTILINE | re.DOTALL)
-}
+# a rule by its name; one that is made in a loop is indented and says its step
+BEGINS = r'^rule (\w+):\n|^    rule:\n(?:        """.*"""\n)?        name:\n            numbered\("(\w+)", number\)\n'
+
+
+def rules_of(text):
+    """The text of each rule by its name."""
+    begun = [*re.finditer(BEGINS, text, re.MULTILINE)]
+    ends = [one.start() for one in begun[1:]] + [len(text)]
+    return {
+        one[1] or one[2]: text[one.end() : end]
+        if one[1]
+        else re.sub(r"^    ", "", text[one.end() : end], flags=re.MULTILINE)
+        for one, end in zip(begun, ends, strict=False)
+    }
+
+
+RULES = {}
+for path in sorted((ROOT / "workflow/rules").glob("*.smk")):
+    RULES |= rules_of(path.read_text())
 TARGETS = {"all", "release"}
 # what a step writes besides
 BESIDE = {"report": {"results/timing.csv"}}
@@ -108,7 +122,7 @@ ALONE = {
         ),
         **dict.fromkeys(("simulate", "simulate_mocap"), {"motion"}),
         "pixels": {"bags"},
-        "heads": {"bags"},
+        "heads": {"bags", "covariance", "label_clocks", "label_clock_gains"},
         "place": {"bags"},
         "detections": {"files", "bags"},
         "gallery": {"recordings"},
@@ -123,6 +137,7 @@ ALONE = {
     },
     "params": {
         "mocap": {"prefix"},
+        "heads": {"label_code"},
         "reference": {"height"},
         "world": {"height"},
         "adjust": {"heights"},
@@ -265,6 +280,14 @@ def test_a_dry_run_names_what_is_missing_and_plans_the_rest(recorded_project):
         "config/sequences.tsv line 4: 'in_1': data/in_1/a.bag is not there (bag)",
         "2 missing; `dior check` looks into the recordings, too",
     ]
+
+
+def test_the_labels_of_a_walk_are_one_job_also_where_sessions_have_other_cameras(recorded_project):
+    labels = ["in_1.cam01", "out_1.cam01", "out_1.cam03"]
+    _, text = snakemake(recorded_project, "-n", "--", *(f"results/reproject/{one}.parquet" for one in labels))
+    stats = text.split("Job stats:")[1].split("total")[0]
+    found = dict(re.findall(r"^(reproject\w*) +(\d+)$", stats, re.MULTILINE))
+    assert found == {"reproject": "1", "reproject_2": "1"}
 
 
 @pytest.mark.slow

@@ -13,6 +13,14 @@ def label_clock_gains(wildcards):
     return clocks_of(wildcards.sequence, [*makers(wildcards), wildcards.camera], ".gains")
 
 
+def same_cameras():
+    """The sequences by the cameras that they have."""
+    found = {}
+    for sequence in SEQUENCES:
+        found.setdefault(tuple(PROJECT.cameras_of(sequence)), []).append(sequence)
+    return found
+
+
 def all_clocks(wildcards):
     return clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence))
 

@@ -5,6 +5,7 @@ Required inputs: config/ of the working directory, read and checked once per par
 
 import json
 import os
+import re
 import sys
 import time
 from functools import cache
@@ -15,6 +16,7 @@ from dior.project import heights, project, secret
 from dior.cli.flags import flags_of
 from dior.errors import DiorError
 from dior.project import running
+from dior.project.steps import MODULES
 from dior.project.replaced import state
 from dior.tables.code_hash import code_hash as code
 from dior.tables.code_hash import keep as keep_code
@@ -58,6 +60,17 @@ wildcard_constraints:
     camera=r"[A-Za-z0-9_-]+",
     recording=r"[A-Za-z0-9_-]+(\.(?!gains\.|costs\.|aside\.|findings\.)[A-Za-z0-9_-]+)?",
     subject=r"[A-Za-z0-9_-]+",
+
+
+def numbered(step, number):
+    """The name of a step's rule where it has several; the first is called after the step."""
+    return step if number == 1 else f"{step}_{number}"
+
+
+def step_of(name):
+    """The step of a rule by its name."""
+    step = re.sub(r"_\d+$", "", name)
+    return step if step in MODULES else name
 
 
 # step -> its shell line

@@ -4,29 +4,36 @@ Required inputs: skeletons, cameras, frames, clocks; of all people also the dete
 Outputs: results/reproject; results/people where config.yaml asks for all people.
 """
 
+# what a job writes has to be said with its rule: one for all sequences that have the same cameras
+for number, (cameras, walks) in enumerate(same_cameras().items(), start=1):
 
-rule reproject:
-    """Project the skeleton into every picture of one camera."""
-    input:
-        cameras=label_cameras,
-        covariance=label_covariance,
-        skeleton=skeleton,
-        frames="results/frames/{sequence}.parquet",
-        clocks=label_clocks,
-        clock_gains=label_clock_gains,
-    output:
-        out="results/reproject/{sequence}.{camera}.parquet",
-    log:
-        "logs/reproject/{sequence}.{camera}.log",
-    benchmark:
-        "logs/reproject/{sequence}.{camera}.benchmark.tsv"
-    params:
-        subject=subject,
-        source=label_source,
-        makers=makers,
-        code=code("label.reproject"),
-    shell:
-        dior("reproject")
+    rule:
+        """Project the skeleton into every picture of the cameras of a sequence."""
+        name:
+            numbered("reproject", number)
+        input:
+            cameras=sequence_cameras,
+            covariance=sequence_covariance,
+            skeleton=skeleton,
+            frames="results/frames/{sequence}.parquet",
+            clocks=all_clocks,
+            clock_gains=all_clock_gains,
+        output:
+            out=[f"results/reproject/{{sequence}}.{camera}.parquet" for camera in cameras],
+        log:
+            "logs/reproject/{sequence}.log",
+        benchmark:
+            "logs/reproject/{sequence}.benchmark.tsv"
+        wildcard_constraints:
+            sequence="|".join(walks),
+        params:
+            subject=subject,
+            source=label_source,
+            labelled=sequence_camera_names,
+            makers=makers,
+            code=code("label.reproject"),
+        shell:
+            dior("reproject")
 
 
 rule people:

@@ -33,7 +33,11 @@ rule heads:
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
         clocks=own_clock,
-        labels="results/reproject/{sequence}.{camera}.parquet",
+        # written with those of the other cameras: what counts is whether something that this camera's are made of changed
+        labels=ancient("results/reproject/{sequence}.{camera}.parquet"),
+        covariance=label_covariance,
+        label_clocks=label_clocks,
+        label_clock_gains=label_clock_gains,
         before=earlier_heads,
         bags=simulated(released_bags),
         detections=everybody_made,
@@ -61,6 +65,7 @@ rule heads:
         method=CONFIG["triangulate"]["method"],
         session_name=session_of,
         checked=heads_checked,
+        label_code=code("label.reproject"),
         contents=contents_of(
             earlier_heads, own_boxes, own_checks, everybody_brought, recorded(released_bags)
         ),

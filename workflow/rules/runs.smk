@@ -15,8 +15,6 @@
 What it has planned is told in words (terminal.smk).
 """
 
-import re
-
 from snakemake.dag import DAG
 from snakemake_interface_storage_plugins.io import Mtime
 

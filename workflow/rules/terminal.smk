@@ -20,7 +20,6 @@ from dior import shortage
 from dior.errors import MOST_FAULTS
 from dior.project import missing, project, rerun_reasons
 from dior.project.forget import left
-from dior.project.steps import MODULES
 from dior.release import citation
 
 # chosen: somebody who looks at a log in a batch system every few minutes sees that it lives
@@ -44,7 +43,7 @@ class Jobs(logging.Handler):
     def emit(self, record):
         event = getattr(record, "event", None)
         if event == LogEvent.JOB_INFO:
-            self.rules[record.jobid] = record.rule_name
+            self.rules[record.jobid] = step_of(record.rule_name)
         elif event == LogEvent.JOB_FINISHED:
             self.rules.pop(record.job_id, None)
         elif event == LogEvent.JOB_ERROR:
@@ -129,7 +128,9 @@ def tell_plan(dag, changed):
     steps = {}
     for job in dag.needrun_jobs(exclude_finished=False):
         if job.output:
-            steps.setdefault(job.rule.name, []).append(why_of(dag, job, changed.get(job, [])))
+            steps.setdefault(step_of(job.rule.name), []).append(
+                why_of(dag, job, changed.get(job, []))
+            )
     order = {step: at for at, step in enumerate(MODULES)}
     jobs = {
         step: steps[step] for step in sorted(steps, key=lambda step: order.get(step, len(order)))
@@ -144,7 +145,11 @@ def why_of(dag, job, changed):
     reason, made = dag.reason(job), dag.dependencies[job]
     if reason.missing_output:
         return ["not made yet"]
-    remade = {other.rule.name for other, files in made.items() if files & reason.updated_input_run}
+    remade = {
+        step_of(other.rule.name)
+        for other, files in made.items()
+        if files & reason.updated_input_run
+    }
     newer = sorted(set(reason.updated_input) - set(reason.updated_input_run))
     return [
         *(["cut short"] if reason.incomplete_output else []),
@@ -168,7 +173,11 @@ def tell_why(dag):
         if not change:
             continue
         words = rerun_reasons.words(
-            job.rule.name, dict(job.params.items()), change.only_old, change.only_new, CONFIG
+            step_of(job.rule.name),
+            dict(job.params.items()),
+            change.only_old,
+            change.only_new,
+            CONFIG,
         )
         why.update(words)
         changed[job] = words

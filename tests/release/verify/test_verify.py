@@ -88,18 +88,17 @@ def evaluated(arguments):
                  "drift_ppm": [0.0, 5.0, 0.0], "source": ["reference"] * 3}  # fmt: skip
         tables.write(results / f"clocks/{name}.parquet", "offsets", clock)
         session = next(walk[2] for walk in project.WALKS if walk[0] == name)
-        for camera in project.ROLES:
-            reproject.run(
-                sequence=name, subject=who, camera=camera, cameras=[results / f"place/{session}.parquet"], makers=[],
-                covariance=[], skeleton=path, frames=results / f"frames/{name}.parquet",
-                clocks=[results / f"clocks/{name}.parquet"], clock_gains=[], source="mocap",
-                out=results / f"reproject/{name}.{camera}.parquet",
-            )  # fmt: skip
+        labels = [results / f"reproject/{name}.{camera}.parquet" for camera in project.ROLES]
+        reproject.run(
+            sequence=name, subject=who, labelled=list(project.ROLES), cameras=[results / f"place/{session}.parquet"],
+            makers=[], covariance=[], skeleton=path, frames=results / f"frames/{name}.parquet",
+            clocks=[results / f"clocks/{name}.parquet"], clock_gains=[], source="mocap", out=labels,
+        )  # fmt: skip
         detected = results / f"detections/{name}.parquet"
         boxes, checks = (arguments["project"] / f"config/{one}" for one in ("boxes", "checks"))
         evaluate.run(
-            sequence=name, subject=who, labels=[results / f"reproject/{name}.{camera}.parquet" for camera in
-            project.ROLES], skeleton=None, cameras=[results / f"place/{session}.parquet"], roles=project.ROLES,
+            sequence=name, subject=who, labels=labels, skeleton=None,
+            cameras=[results / f"place/{session}.parquet"], roles=project.ROLES,
             detected=evaluate.Detected(detected if detected.exists() else None, 0.3, None, []),
             yardsticks=evaluate.Yardsticks(
                 {"cam02": boxes / f"{name}.cam02.csv"} if (boxes / f"{name}.cam02.csv").exists() else {}, [],
