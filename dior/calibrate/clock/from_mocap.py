@@ -8,6 +8,7 @@ drift are fitted to how the joints move (`clock.fit`). World of the C3D in metre
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class WalkerJoints:
     left: Floats
     names: list[str]
 
+    @cached_property
     def velocity(self) -> Floats:
         return np.gradient(self.points, self.t, axis=0)
 
@@ -58,6 +60,12 @@ def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[s
     return WalkerJoints(
         t, points[:, there], axes[:, there], left, [name for name, yes in zip(wanted, there, strict=True) if yes]
     )
+
+
+@lru_cache(maxsize=1)
+def _projected(camera: Camera, motion: WalkerJoints) -> tuple[Floats, Floats]:
+    """Pixels (I, J, 2) and depths (I, J) m of the joints at all ticks; several questions about a camera start here."""
+    return cam.project(camera, motion.points)
 
 
 def from_detections(
@@ -102,7 +110,7 @@ def search(
     lags = lag.window(STEPS_HZ, most_s)
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
     where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
-    px, depth = cam.project(camera, motion.points)
+    px, depth = _projected(camera, motion)
     reach = np.where(depth > 0, camera.intrinsics.fx * REACH_M / np.where(depth > 0, depth, 1.0), np.nan)
     seen = np.broadcast_to(uv[at], (len(lags), *uv[at].shape)).reshape(-1, *uv.shape[1:])
     far = blend(reach, *where)
@@ -118,7 +126,7 @@ def off_m(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, lag
     Arguments as of `from_detections`. NaN where nothing is both detected and known.
     """
     every = max(1, len(elapsed) // SEARCHED)
-    px, depth = cam.project(camera, motion.points)
+    px, depth = _projected(camera, motion)
     metres = np.where(depth > 0, depth, np.nan) / camera.intrinsics.fx
     found = []
     for late in lags_s:
@@ -136,7 +144,7 @@ def aside_m(
 
     `clock`: that counts; other arguments as of `from_detections`. Joints that are not seen are left out.
     """
-    px, depth = cam.project(camera, motion.points)
+    px, depth = _projected(camera, motion)
     late = clock.offset_s + 1e-6 * clock.drift_ppm * elapsed
     where = bracket(motion.t, elapsed + late, 2.5 * float(np.median(np.diff(motion.t))))
     at = blend(np.where(depth > 0, depth, np.nan), *where)
@@ -169,7 +177,7 @@ def tracks_of(
     seconds = elapsed + value[0] + 1e-6 * value[1] * (elapsed - middle)
     where = bracket(motion.t, seconds, 2.5 * np.median(np.diff(motion.t)))
     points = blend(motion.points, *where)
-    speed = blend(motion.velocity(), *where)
+    speed = blend(motion.velocity, *where)
     axes = blend(motion.axes, *where)
     px, depth = cam.project(camera, points)
     by_point, by_camera = covariance.projection(camera, points)
