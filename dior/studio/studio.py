@@ -75,7 +75,9 @@ def run(project: Path = Path("."), *, port: int = 0) -> int:
 def _listening(port: int) -> socket.socket:
     """A socket at `port`, or where that is 0, at PORT or the first one free after it."""
     for number in [port] if port else range(PORT, PORT + 20):
-        listening = socket.socket()
+        # asyncio sends at once only over sockets that say TCP; others keep the end of an answer back until the browser
+        # has acknowledged its beginning, 40 ms later
+        listening = socket.socket(proto=socket.IPPROTO_TCP)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((HOST, number))

@@ -78,6 +78,13 @@ def test_a_full_disk_is_said_and_nothing_is_lost(client, project, monkeypatch):
     assert client.post("/api/fill", json=told).status_code == 200 and "plumb_bob" in path.read_text()
 
 
+def test_what_is_answered_is_sent_at_once():
+    """asyncio turns Nagle's algorithm off only for sockets that say TCP."""
+    with studio._listening(0) as listening, socket.create_connection(listening.getsockname()):
+        with listening.accept()[0] as accepted:
+            assert accepted.proto == socket.IPPROTO_TCP
+
+
 def test_a_port_that_is_taken_is_named_and_the_next_is_looked_for(monkeypatch):
     with socket.socket() as taken:
         taken.bind((studio.HOST, 0))
