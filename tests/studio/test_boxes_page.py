@@ -217,6 +217,10 @@ def test_ten_boxes_by_keyboard_alone_lie_on_the_body(chromium, undrawn):
         page.keyboard.type("ann")
         person.press("Enter")
         page.wait_for_url("**drawer=ann**")
+        # the name was asked for to say that nobody is here
+        keystrokes.until(lambda: path.exists() and first in rows_of(path) and keystrokes.frame_shown(page) != first)
+        person.press("Control+z")
+        keystrokes.until(lambda: not rows_of(path) and keystrokes.frame_shown(page) == first)
         drawn = []
         for _ in range(10):
             frame = keystrokes.frame_shown(page)
@@ -272,6 +276,9 @@ def test_two_pages_on_one_file_are_told_and_the_person_decides(chromium, practic
         keystrokes.draw_with_mouse(keystrokes.Person(other), frame, wanted)
         other.keyboard.press("Enter")
         other.get_by_role("button", name="Keep mine").wait_for()
+        # the frame in question, with both
+        assert keystrokes.frame_shown(other) == frame
+        assert set(other.locator("#picture svg text").all_text_contents()) == {"theirs", "mine"}
         assert np.abs(np.array(edges_of(rows_of(path)[frame])) - true[frame]).max() < 0.5
         # the browser says of the answer that it was a conflict
         assert "409" in other.said.pop()
@@ -334,3 +341,53 @@ def test_what_is_said_of_a_picture_is_undone_and_made_again_and_a_box_beside_eve
         keystrokes.until(lambda: third in written())
         page.locator("#said button", has_text="Undo").click()
         keystrokes.until(lambda: third not in written())
+
+
+@pytest.mark.slow
+def test_boxes_that_cannot_be_written_stay_and_come_with_the_next(chromium, practice, tmp_path):
+    project = shutil.copytree(practice, tmp_path / "kept")
+    true, path = keystrokes.true_boxes(), project / "config/boxes/outdoor_01.cam04.csv"
+    with browser.served(project) as address, browser.page(chromium, address, "/boxes?drawer=ann") as page:
+        person, frames = keystrokes.Person(page), []
+
+        def accept():
+            frame = keystrokes.frame_shown(page)
+            keystrokes.draw_with_mouse(person, frame, true[frame])
+            person.press("Enter")
+            keystrokes.until(lambda: keystrokes.frame_shown(page) != frame)
+            frames.append(frame)
+
+        accept()
+        keystrokes.until(lambda: path.exists() and list(rows_of(path)) == frames)
+        good = path.read_text()
+        path.write_text(good + "3,abc,1,2,3,ann\n")
+        accept()
+        accept()
+        page.locator("#said .error", has_text=f"frame {frames[2]}").wait_for()
+        said = page.inner_text("#said")
+        assert said.startswith("Not written: ") and f"frame {frames[1]}" in said and "abc" in said
+        assert page.locator("#frames .bad").count() == 2
+        path.write_text(good)
+        accept()
+        keystrokes.until(lambda: sorted(rows_of(path)) == frames and not page.locator("#frames .bad").count())
+        assert not page.locator("#said .error").count()
+        assert all("422" in text for text in page.said), page.said
+        page.said.clear()
+
+
+@pytest.mark.slow
+def test_enter_accepts_after_the_keys_were_looked_at_with_the_mouse(chromium, practice, tmp_path):
+    project = shutil.copytree(practice, tmp_path / "keys")
+    path = project / "config/boxes/outdoor_01.cam04.csv"
+    with browser.served(project) as address, browser.page(chromium, address, "/boxes?drawer=ann") as page:
+        frame = keystrokes.frame_shown(page)
+        help_ = page.locator("details", has_text="Keys and mouse")
+        for _ in range(2):
+            help_.locator("summary").click()
+        page.locator("label", has_text="show the labels").click()
+        page.locator("label", has_text="show the labels").click()
+        # an arrow takes the box that is offered
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("Enter")
+        keystrokes.until(lambda: path.exists() and list(rows_of(path)) == [frame])
+        assert help_.get_attribute("open") is None

@@ -361,3 +361,51 @@ def test_what_is_not_seen_and_a_click_beside_everything_are_told_and_taken_back(
         one.keyboard.press("Control+z")
         saved(one, rows)
         assert not one.locator("#said p").count() and asked(one) == name
+
+
+@pytest.mark.slow
+def test_what_cannot_be_written_stays_is_said_and_comes_with_the_next_or_is_taken_back(unmarked, chromium):
+    file, bad = unmarked / "config/sessions/lab/cam01.marks.csv", "indoor_01,0,LFHD,abc,12\n"
+    path = "/marks?session=lab&camera=cam01&frame=48"
+    with browser.served(unmarked) as address, browser.page(chromium, address, path) as one:
+        ready(one)
+        one.keyboard.press("s")
+
+        def click(u, v):
+            name = asked(one)
+            one.mouse.click(*one.evaluate(PLACE, [u, v]))
+            until(one, f"document.querySelector('#prompt strong').innerText !== '{name}'")
+            return name
+
+        first = click(500.0, 300.0)
+        saved(one, 1)
+        good = file.read_text()
+        file.write_text(good + bad)
+        kept = [click(520.0, 320.0), click(540.0, 340.0)]
+        until(one, f"document.querySelector('#said .error')?.innerText.includes('{kept[1]} on frame 48')")
+        said = one.locator("#said").inner_text()
+        assert said.startswith("Not written: ") and "u is 'abc'" in said
+        assert all(f"{name} on frame 48" in said for name in kept)
+        for name in kept:
+            assert "not saved" in one.locator(f"#markers [data-joint={name}]").inner_text()
+        assert "2 changes of marks are not saved" in one.locator("#answer").inner_text()
+        assert file.read_text() == good + bad
+        file.write_text(good)
+        last = click(560.0, 360.0)
+        saved(one, 4)
+        until(one, "!document.querySelector('#said .error')")
+        assert {name for _, name in rows_of(unmarked, "cam01")} == {first, *kept, last}
+        # and given up
+        good = file.read_text()
+        file.write_text(good + bad)
+        away = click(580.0, 380.0)
+        one.locator("#said button", has_text="Take it back").click()
+        until(one, f"document.querySelector('#markers [data-joint={away}]').innerText.trim() === '{away}'")
+        assert not one.locator("#answer .bad").count()
+        file.write_text(good)
+        click(600.0, 400.0)
+        saved(one, 5)
+        assert len(rows_of(unmarked, "cam01")) == 5
+        # the browser says of answers that they are refusals
+        assert all("422" in text for text in one.said), one.said
+        one.said.clear()

@@ -2,6 +2,7 @@
 
 import { Picture } from "./picture.js";
 import { $, ask, element, fill, onKeys, onUndo, remember, say, send, state, svg } from "./studio.js";
+import { Writer } from "./writer.js";
 
 const SCALE = 8; // screen pixels a pixel of the picture
 const STEP = 0.25; // px
@@ -22,7 +23,8 @@ let corner = null; // the first of two clicks
 let moving = []; // boxes around what moves in this picture
 let movers = new Map(); // by frame, what /api/boxes/moving answers
 let looking = null; // which of `moving` is looked at
-let writing = Promise.resolve();
+let dispute = null; // two boxes of one frame: {frame, theirs, mine}
+let wants = false; // whether a name is asked for, to say that nobody is in this picture
 let [done, undone] = [[], []]; // what was said of frames: {frame, before, after}
 
 const entry = () => told.frames[at];
@@ -106,6 +108,7 @@ function whole() {
 async function go(index) {
   at = Math.min(Math.max(0, index), told.frames.length - 1);
   const { frame } = entry();
+  if (dispute && dispute.frame !== frame) dispute = null;
   remember({ frame });
   [corner, box, moving, looking] = [null, null, [], null];
   $("picture").dataset.ready = "";
@@ -162,42 +165,51 @@ function step(from, to, way) {
 const undo = () => step(done, undone, "undo");
 const redo = () => step(undone, done, "redo");
 
+/** The frames of which something is on its way into the file have what is on the page: `one` is an entry of `mine`. */
+const writer = new Writer({
+  write: ({ row, before, after }) => send("/api/boxes", { ...row, before, after }),
+  written: () => {},
+  disputed,
+  name: ({ row }) => `frame ${row.frame}`,
+  taken: (changes) => {
+    for (const { mine, one, before } of changes) {
+      one.box = before;
+      done = done.filter((each) => mine !== told || each.frame !== one.frame);
+      if (mine === told && one === entry()) go(at);
+    }
+  },
+  shown: () => told && list(),
+});
+const idOf = (frame) => `${recording.walk} ${recording.camera} ${told.drawer} ${frame}`;
+
 function say_of(one, after) {
-  const before = one.box;
-  one.box = after;
   const row = { ...asked(), drawer: told.drawer, frame: one.frame };
-  const mine = told;
-  writing = writing.then(() => write(mine, one, row, before, after));
-  return writing;
+  const change = { id: idOf(one.frame), mine: told, one, row, before: one.box, after };
+  one.box = after;
+  return writer.put(change);
 }
 
-async function write(mine, one, row, before, after) {
-  const again = (found) => {
-    one.box = after;
-    list();
-    writing = writing.then(() => write(mine, one, row, found, after));
-  };
-  const back = (value) => {
-    // another may have been accepted meanwhile
-    if (one.box === after) one.box = value;
-    if (mine === told) list();
-  };
-  try {
-    const found = await send("/api/boxes", { ...row, before, after });
-    if (!found.conflicts) return;
-    const { theirs } = found.conflicts[0];
-    const there = theirs === null || theirs.every((cell) => cell === "") && !row.drawer ? null : theirs.filter((cell) => cell !== "").map(Number);
-    back(there);
-    const words = there === null ? "is not drawn any more" : there.length ? `has the box ${there.join(", ")} now` : "has nobody now";
-    say(`Frame ${row.frame} has been changed elsewhere meanwhile: it ${words}. Nothing of yours is written.`, "error", {
-      "Keep mine": () => again(there),
-      "Take theirs": () => go(mine.frames.indexOf(one)),
-    });
-  } catch (error) {
-    if (!error.said) throw error;
-    back(before);
-    say(`Frame ${row.frame} is not written: ${error.message}`, "error", { "Write it again": () => again(before) });
+/** Somebody else has changed the same frame: whose shall stay? Both are shown. */
+function disputed({ conflicts: [{ theirs }] }, { mine, one, row, after }) {
+  const there = theirs === null || theirs.every((cell) => cell === "") && !row.drawer ? null : theirs.filter((cell) => cell !== "").map(Number);
+  // another may have been accepted meanwhile
+  if (one.box === after) one.box = there;
+  done = done.filter((each) => mine !== told || each.frame !== row.frame);
+  if (mine === told) {
+    dispute = { frame: row.frame, theirs: there, mine: after };
+    go(mine.frames.indexOf(one));
   }
+  const words = there === null ? "is not drawn any more" : there.length ? `has the box ${there.join(", ")} now` : "has nobody now";
+  say(`Frame ${row.frame} has been changed elsewhere meanwhile: it ${words}. Nothing of yours is written.`, "error", {
+    "Keep mine": () => {
+      dispute = null;
+      if (mine !== told) return;
+      done.push({ frame: row.frame, before: there, after });
+      say_of(one, after);
+      next();
+    },
+    "Take theirs": () => { dispute = null; if (mine === told) go(mine.frames.indexOf(one)); },
+  });
 }
 
 /** Whether the picture that is asked about is on the page: nothing is said of one that nobody has seen. */
@@ -221,7 +233,8 @@ function accept() {
 function nobody() {
   if (!ready()) return;
   if (!told.drawer) {
-    say("Fill in who draws first, a name or a letter: that nobody is there is written under a name.", "error");
+    say("Fill in who draws first, a name or a letter, and press Enter: that nobody is there is written under a name.", "error");
+    wants = true;
     $("drawer").focus();
     return;
   }
@@ -304,6 +317,13 @@ async function labels() {
 function redraw() {
   const shapes = [...shapesOfLabels];
   if (box) shapes.push({ kind: "box", u: box[0], v: box[1], to: [box[2], box[3]], class: touched ? "boxed" : "offered" });
+  if (dispute?.frame === entry().frame) {
+    for (const [whose, [a, b, c, d]] of [["theirs", dispute.theirs ?? []], ["mine", dispute.mine ?? []]]) {
+      if (d === undefined) continue;
+      shapes.push({ kind: "box", u: a, v: b, to: [c, d], class: whose === "mine" ? "boxed" : "other" });
+      shapes.push({ kind: "text", u: whose === "mine" ? c : a, v: whose === "mine" ? d : b, text: whose, dx: 2, dy: whose === "mine" ? 14 : -4 });
+    }
+  }
   if (corner) shapes.push({ kind: "cross", u: corner[0], v: corner[1], class: "boxed" });
   picture.shapes = shapes;
   picture.redraw();
@@ -312,7 +332,7 @@ function redraw() {
   const numbers = box ? `${(box[2] - box[0]).toFixed(2)} × ${(box[3] - box[1]).toFixed(2)} px at (${box[0].toFixed(2)}, ${box[1].toFixed(2)})` : "";
   $("undo").disabled = !done.length;
   $("redo").disabled = !undone.length;
-  const words = one.box === null ? (touched ? "not accepted yet" : "a first guess: move it, or draw one") : one.box.length ? (same() ? "accepted" : "changed, not accepted yet") : "nobody is seen here, you said";
+  const words = one.box === null ? (touched ? "not accepted yet" : "a first guess: move it, or draw one") : writer.keeps(idOf(one.frame)) ? "not saved" : one.box.length ? (same() ? "accepted" : "changed, not accepted yet") : "nobody is seen here, you said";
   $("now").textContent = `Picture ${at + 1} of ${told.frames.length}, frame ${one.frame}: ${numbers}, ${words}.`;
   Object.assign($("picture").dataset, { box: box ? box.map((edge) => edge.toFixed(3)).join(" ") : "", touched });
 }
@@ -336,11 +356,12 @@ function list() {
   const done = told.frames.filter((one) => one.box !== null).length;
   $("count").textContent = `${done} of ${told.frames.length} pictures are done`;
   $("frames").replaceChildren(...told.frames.map((one, i) => {
-    const words = one.box === null ? "not drawn yet" : one.box.length ? "drawn" : "nobody";
+    const unsaved = writer.keeps(idOf(one.frame));
+    const words = `${one.box === null ? "not drawn yet" : one.box.length ? "drawn" : "nobody"}${unsaved ? ", not saved" : ""}`;
     return element("button", {
-      type: "button", class: words.split(" ")[0], title: `frame ${one.frame}: ${words}`, "aria-label": `frame ${one.frame}, ${words}`,
+      type: "button", class: unsaved ? "bad" : words.split(" ")[0], title: `frame ${one.frame}: ${words}`, "aria-label": `frame ${one.frame}, ${words}`,
       "aria-current": i === at && "true", onclick: () => { go(i); focus(); },
-    }, one.box === null ? String(one.frame) : one.box.length ? `${one.frame} ✓` : `${one.frame} –`);
+    }, one.box === null ? String(one.frame) : unsaved ? `${one.frame} !` : one.box.length ? `${one.frame} ✓` : `${one.frame} –`);
   }));
   const others = told.drawers.filter((one) => one.name !== told.drawer);
   const by = (one) => (one.name ? `by ${one.name}` : "without a name");
@@ -388,11 +409,20 @@ async function choose(walk, camera, frame = null) {
 }
 
 async function named() {
+  if (!(await writer.done())) return void ($("drawer").value = told.drawer);
   const drawer = $("drawer").value.trim();
   [done, undone] = [[], []];
   remember({ drawer });
   localStorage.setItem("drawer", drawer);
   await load(entry()?.frame ?? null);
+  if (wants && drawer) nobody();
+  wants = false;
+}
+
+/** Go on to another walk or camera, unless something of this one is not written. */
+async function change(walk, camera) {
+  if (await writer.done()) return choose(walk, camera);
+  [$("walk").value, $("camera").value] = [recording.walk, recording.camera];
 }
 
 const acts = {
@@ -414,10 +444,15 @@ onKeys((key, event) => {
 });
 for (const [id, act] of Object.entries({ accept, nobody, back: () => go(at - 1), undraw, undo, redo })) $(id).addEventListener("click", () => { act(); if (document.activeElement !== $("drawer")) focus(); });
 $("labels").addEventListener("change", labels);
-$("more").addEventListener("click", async () => { remember({ count: told.frames.length + 25 }); await load(null); });
-$("walk").addEventListener("change", () => choose($("walk").value, null));
-$("camera").addEventListener("change", () => choose($("walk").value, $("camera").value));
+$("more").addEventListener("click", async () => {
+  if (!(await writer.done())) return;
+  remember({ count: told.frames.length + 25 });
+  await load(null);
+});
+$("walk").addEventListener("change", () => change($("walk").value, null));
+$("camera").addEventListener("change", () => change($("walk").value, $("camera").value));
 $("drawer").addEventListener("change", named);
+$("drawer").addEventListener("blur", () => { if (!$("drawer").value.trim()) wants = false; });
 $("drawer").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); focus(); } });
 $("whole").addEventListener("click", (event) => {
   const { width, height } = recording;

@@ -1,7 +1,8 @@
 // The page Hand checks: one point of the sample at a time, its label hidden.
 
 import { Picture } from "./picture.js";
-import { $, ask, element, onKeys, say, send } from "./studio.js";
+import { $, ask, element, many, onKeys, onUndo, say, send } from "./studio.js";
+import { Writer } from "./writer.js";
 
 const STEP = 0.25; // px that an arrow moves the point by
 const picture = new Picture($("picture"), { onClick: (u, v) => put([u, v]) });
@@ -10,7 +11,21 @@ let points = [];
 let at = 0;
 let uv = null; // the point as it is on the page
 let look = null; // the first view of this picture
-let queue = Promise.resolve();
+let [done, undone] = [[], []]; // what was decided of points: {point, before, after}
+// each point is a row of its own
+const writer = new Writer({
+  write: ({ point: { walk, camera, frame, joint }, before, after }) => send("/api/checks/change", { walk, camera, frame, joint, before, after }),
+  written: () => { $("picture").dataset.saved = Number($("picture").dataset.saved ?? 0) + 1; },
+  disputed,
+  name: ({ point: { walk, camera, frame, joint } }) => `${joint} on frame ${frame} of ${camera} in ${walk}`,
+  taken: (changes) => {
+    for (const { point, before } of changes) {
+      point.clicked = before;
+      done = done.filter((one) => one.point !== point);
+    }
+  },
+  shown: () => show(),
+});
 window.dior = { picture }; // for tests, which look for a pixel's place on the screen
 
 const open = () => points[at];
@@ -27,21 +42,36 @@ function put(to) {
 function decide(after) {
   const point = open();
   if (!point) return;
-  const { walk, camera, frame, joint, clicked: before } = point;
-  point.clicked = after;
-  queue = queue.then(async () => {
-    const found = await send("/api/checks/change", { walk, camera, frame, joint, before, after });
-    if (found.conflicts) disputed(point, found);
-    else $("picture").dataset.saved = Number($("picture").dataset.saved ?? 0) + 1;
-  }).catch((error) => { point.clicked = before; if (!error.said) throw error; });
+  done.push({ point, before: point.clicked, after });
+  undone = [];
+  decided(point, after);
   go(at + 1);
 }
 
+function decided(point, after) {
+  const before = point.clicked;
+  point.clicked = after;
+  writer.put({ id: points.indexOf(point), point, before, after });
+}
+
+/** Take the last decision back, or make it again, and go to its point. */
+function step(from, to, way) {
+  const change = from.pop();
+  if (!change) return;
+  to.push(change);
+  say("");
+  decided(change.point, way === "undo" ? change.before : change.after);
+  go(points.indexOf(change.point) + (way === "undo" ? 0 : 1));
+}
+const undo = () => step(done, undone, "undo");
+const redo = () => step(undone, done, "redo");
+
 /** Somebody else has written the same point: whose shall stay? */
-function disputed(point, { error, conflicts: [{ theirs, mine }] }) {
+function disputed({ error, conflicts: [{ theirs, mine }] }, { point }) {
   const words = (one) => (!one ? "no row" : one[0] ? one.join(", ") : "cannot be seen");
   const numbers = (one) => one && (one[0] ? one.map(Number) : []);
   point.clicked = numbers(theirs);
+  done = done.filter((one) => one.point !== point);
   say(`${error}. ${point.joint} on frame ${point.frame}: theirs ${words(theirs)}, mine ${words(mine)}.`, "error", {
     "Keep mine": () => { at = points.indexOf(point); decide(numbers(mine)); },
     "Take theirs": () => go(points.indexOf(point)),
@@ -87,12 +117,16 @@ function show() {
   $("progress").textContent = point
     ? `Point ${at + 1} of ${points.length}: ${seen} clicked, ${done - seen} not seen so far.`
     : `${seen} clicked, ${done - seen} not seen, of ${points.length}.`;
+  const kept = writer.kept().length;
+  if (kept) $("progress").append(" ", element("span", { class: "bad" }, `${many(kept, "point")} not saved.`));
   for (const dot of document.querySelectorAll(".body circle")) {
     dot.setAttribute("class", dot.dataset.marker === point?.joint ? "asked" : "");
   }
   $("accept").disabled = !uv;
   $("unseen").disabled = !point;
   $("back").disabled = !at;
+  $("undo").disabled = !done.length;
+  $("redo").disabled = !undone.length;
   picture.shapes = uv ? [{ kind: "cross", u: uv[0], v: uv[1], r: 9, class: "mark" }, { kind: "ring", u: uv[0], v: uv[1], r: 12, class: "mark" }] : [];
   picture.redraw();
 }
@@ -122,6 +156,9 @@ function middle() {
 $("accept").addEventListener("click", () => uv && decide(uv));
 $("unseen").addEventListener("click", () => decide([]));
 $("back").addEventListener("click", () => go(at - 1));
+$("undo").addEventListener("click", undo);
+$("redo").addEventListener("click", redo);
+onUndo(undo, redo);
 try {
   const found = await ask("/api/checks");
   points = found.points ?? [];

@@ -1,7 +1,7 @@
 // The page Long range: the skeleton in a dozen enlarged pictures follows the nudge.
 
 import { Crops, latest, whileHeld } from "./crops.js";
-import { $, ask, element, fill, onKeys, onUndo, prose, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, onKeys, onUndo, prose, remember, say, send, state, write } from "./studio.js";
 
 const NAMES = ["azimuth_deg", "elevation_deg", "distance_m", "roll_deg"];
 const crops = new Crops($("crops"));
@@ -100,7 +100,7 @@ async function save() {
 
 /** Write changes of keys of the camera's file, and show what it says then. */
 async function put(changes) {
-  const answer = await send("/api/long-range/save", { ...whose(), changes });
+  const answer = await write("/api/long-range/save", { ...whose(), changes });
   if (answer.conflicts) {
     const [{ key: [key], theirs, mine }] = answer.conflicts;
     say(`${answer.error}. There is ${key}: ${JSON.stringify(theirs)}; here it is ${JSON.stringify(mine)}.`, "error", {

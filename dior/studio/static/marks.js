@@ -2,7 +2,8 @@
 
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { $, ask, element, fill, onUndo, prose, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, many, onUndo, prose, remember, say, send, state } from "./studio.js";
+import { Writer } from "./writer.js";
 
 const picture = new Picture($("picture"), { onClick: (u, v) => place(u, v) });
 const scrub = new Scrub(picture, { onFrame: (frame, moving) => moving || arrived(), onKey: key });
@@ -27,7 +28,13 @@ let cursor = null; // the crosshair, where the keyboard has moved it
 let pointer = null; // where the mouse is on the picture
 let unseen = new Set(); // marks that the person cannot see
 let [done, undone] = [[], []]; // changes of marks, and markers that were said not to be visible
-let queue = Promise.resolve(); // changes are sent one after the other
+// changes of this camera's file on their way into it
+const writer = new Writer({
+  write: ({ key, before, after }) => send("/api/marks/change", { walk, camera, changes: [{ key, before, after }] }),
+  written, disputed, taken,
+  name: ({ key: [, frame, joint] }) => `${joint} on frame ${frame}`,
+  shown: () => { say_answer(); show(); },
+});
 let asking = null;
 let first = Promise.resolve(); // until the marks as they are have been answered once
 
@@ -53,29 +60,41 @@ function set({ key: [on, frame, joint], after }) {
 }
 
 function save(changes) {
-  const where = { walk, camera };
-  queue = queue.then(async () => {
-    const found = await send("/api/marks/change", { ...where, changes });
-    $("picture").dataset.sent = Number($("picture").dataset.sent ?? 0) + 1;
-    if (where.walk !== walk || where.camera !== camera) return;
-    if (found.conflicts) return disputed(found, changes);
-    took(found.rows);
-    solve();
-  }).catch((error) => { if (!error.said) throw error; return reload(); });
-  return queue;
+  for (const { key, before, after } of changes) writer.put({ id: key.join(" "), key, before, after });
+  return writer.last;
 }
 
+function written(found) {
+  $("picture").dataset.sent = Number($("picture").dataset.sent ?? 0) + 1;
+  took(found.rows);
+  solve();
+}
+
+/** The marks of the file, with what is on its way there. */
 function took(rows) {
   marks = new Map(rows.map(([on, frame, joint, u, v]) => [idOf(joint, frame, on), [u, v]]));
+  for (const { id, after } of writer.waiting.values()) {
+    if (after) marks.set(id, after);
+    else marks.delete(id);
+  }
   $("picture").dataset.saved = rows.length;
   show();
 }
 
-/** Somebody else has changed the same marks: whose shall stay? */
-function disputed({ error, conflicts }, changes) {
+/** What could not be written is given up: the marks are again as they were. */
+function taken(changes) {
+  for (const { key, before } of changes) set({ key, after: before });
+  const ids = new Set(changes.map((one) => one.id));
+  done = done.filter((one) => one.unseen || !ids.has(one.key.join(" ")));
+}
+
+/** Somebody else has changed the same mark: whose shall stay? */
+function disputed({ error, conflicts }) {
+  $("picture").dataset.sent = Number($("picture").dataset.sent ?? 0) + 1;
   const words = (one) => (one ? `at ${one.map(Number).join(", ")}` : "removed");
   const each = conflicts.map(({ key: [, frame, joint], theirs, mine }) => `${joint} on frame ${frame}: theirs ${words(theirs)}, mine ${words(mine)}.`);
-  done = done.filter((one) => !changes.includes(one));
+  const of = new Set(conflicts.map(({ key }) => key.join(" ")));
+  done = done.filter((one) => one.unseen || !of.has(one.key.join(" ")));
   say(`${error}. ${each.join(" ")}`, "error", {
     "Keep mine": () => {
       const again = conflicts.map(({ key: [on, frame, joint], theirs, mine }) => ({
@@ -120,11 +139,19 @@ async function place(u, v) {
   if (!chosen) return say(`${NONE_LEFT} F goes to the frame that helps most.`);
   say("");
   const [joint, frame, at] = [chosen, scrub.at, picture.recording];
+  const { width, height } = at;
+  if (!(u >= -0.5 && v >= -0.5 && u < width - 0.5 && v < height - 0.5)) return say("That is outside of the picture: nothing is marked.");
   const expected = predictedAt(joint);
   chosen = null;
   const rounded = [u, v].map((one) => Math.round(one * 100) / 100);
   let found = { u: rounded[0], v: rounded[1] };
-  if ($("snaps").checked) found = await ask("/api/marks/snap", { walk, camera, frame, u: rounded[0], v: rounded[1] });
+  if ($("snaps").checked) {
+    found = await ask("/api/marks/snap", { walk, camera, frame, u: rounded[0], v: rounded[1] }).catch((error) => {
+      if (!error.said) throw error;
+      say(`Not marked: ${error.message}`, "error");
+    });
+  }
+  if (!found) return ask_for(joint, true);
   if (at !== picture.recording) return;
   if (frame === scrub.at) {
     selected = joint;
@@ -132,6 +159,9 @@ async function place(u, v) {
     if (!chosen || chosen === joint) ask_for(following(joint));
   }
   put(joint, [found.u, found.v], frame);
+  await writer.last;
+  // that it is not written is said already
+  if (document.querySelector("#said .error")) return;
   const [why, buttons] = doubt(joint, found, expected);
   if (why) say(`${why} Ctrl Z takes it back.`, "look", { Undo: undo, ...buttons, "It is right": () => {} });
 }
@@ -212,7 +242,7 @@ async function nextMark() {
 }
 
 async function nextFrame() {
-  await queue;
+  await writer.last;
   await first;
   if (answer.frame) return goTo(answer.frame.frame);
   const found = await ask("/api/marks/first", { walk, camera });
@@ -292,6 +322,8 @@ function say_answer() {
   const line = (text, kind, ...buttons) => lines.push(element("p", { class: kind }, ...prose(text), ...buttons));
   const button = (name, act) => element("button", { type: "button", onclick: act }, name);
   const { wrong = [], best, frame } = answer;
+  const kept = writer.kept();
+  if (kept.length) line(`${many(kept.length, "change")} of marks ${kept.length === 1 ? "is" : "are"} not saved.`, "bad", button("Write now", () => writer.again()));
   if (answer.why) line(answer.why, answer.residuals ? "look" : "");
   if (errors) {
     const clock = errors.clocks[walk];
@@ -380,11 +412,12 @@ function list(wrong, predicted) {
     const joint = one.dataset.joint;
     const [px, used] = residuals.get(idOf(joint)) ?? [null, true];
     const yours = unseen.has(idOf(joint));
-    const text = markOf(joint) ? (px === null ? "marked" : `${px.toFixed(2)} px${used ? "" : ", not used"}`)
+    const unwritten = writer.keeps(idOf(joint));
+    const text = unwritten ? "not saved" : markOf(joint) ? (px === null ? "marked" : `${px.toFixed(2)} px${used ? "" : ", not used"}`)
       : yours ? "you: not visible" : predicted.get(joint)?.hidden ? "hidden, it seems" : "";
     one.lastElementChild.textContent = text;
     one.setAttribute("aria-pressed", joint === chosen);
-    one.className = wrong.has(joint) ? "bad" : markOf(joint) ? "" : yours ? "unseen" : predicted.get(joint)?.hidden ? "hidden" : "";
+    one.className = unwritten || wrong.has(joint) ? "bad" : markOf(joint) ? "" : yours ? "unseen" : predicted.get(joint)?.hidden ? "hidden" : "";
   }
 }
 
@@ -428,18 +461,21 @@ function move([right, down], far) {
   if (selected && markOf(selected)) {
     const [u, v] = markOf(selected);
     const by = far ? 4 * STEP : STEP;
-    put(selected, [u + by * right, v + by * down].map((one) => Math.round(one * 100) / 100));
+    const { width, height } = picture.recording;
+    put(selected, within([u + by * right, v + by * down], width, height).map((one) => Math.round(one * 100) / 100));
     return true;
   }
   const by = (far ? 80 : 8) / picture.scale;
   const { width, height } = picture.recording;
   const [u, v] = cursor ?? centre();
   aimed = true;
-  cursor = [Math.min(Math.max(u + by * right, 0), width - 1), Math.min(Math.max(v + by * down, 0), height - 1)];
+  cursor = within([u + by * right, v + by * down], width, height);
   if (!inView(cursor)) picture.look(...cursor);
   show();
   return true;
 }
+
+const within = ([u, v], width, height) => [Math.min(Math.max(u, 0), width - 1), Math.min(Math.max(v, 0), height - 1)];
 
 function centre() {
   return picture.at({ x: picture.place.clientWidth / 2, y: picture.place.clientHeight / 2 });
@@ -475,7 +511,7 @@ $("redo").addEventListener("click", redo);
 $("unseen").addEventListener("click", notVisible);
 $("predicts").addEventListener("change", show);
 picture.viewer.addHandler("zoom", () => show());
-window.addEventListener("focus", () => told && queue.then(reload));
+window.addEventListener("focus", () => told && writer.again().then(reload));
 
 // which camera
 
@@ -502,8 +538,14 @@ async function open(wanted, name, frame) {
   show();
 }
 
-$("walk").addEventListener("change", () => open($("walk").value, camera, 0));
-$("camera").addEventListener("change", () => open(walk, $("camera").value, scrub.at));
+/** Go on to another walk or camera, unless something of this one is not written. */
+async function change(wanted, name, frame) {
+  if (await writer.done()) return open(wanted, name, frame);
+  [$("walk").value, $("camera").value] = [walk, camera];
+}
+
+$("walk").addEventListener("change", () => change($("walk").value, camera, 0));
+$("camera").addEventListener("change", () => change(walk, $("camera").value, scrub.at));
 walks = (await ask("/api/walks")).filter((one) => one.indoor);
 if (walks.length) await open(state().walk, state().camera, Number(state().frame) || 0);
 else say("The project has no walk with motion capture, whose markers could be marked.");

@@ -1,6 +1,6 @@
 // The page Start: what `dior check` says, and a run with its progress.
 
-import { $, ask, element, prose, say, send } from "./studio.js";
+import { $, ask, element, prose, say, send, write } from "./studio.js";
 
 function shown({ state, done, total, lines, dry, elsewhere }) {
   const running = state === "running";
@@ -47,7 +47,7 @@ for (const form of document.querySelectorAll(".todos form")) {
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const { path, line, key } = form.dataset;
-    const told = await send("/api/fill", { path, line: Number(line), key, value: form.value.value }).catch(() => null);
+    const told = await write("/api/fill", { path, line: Number(line), key, value: form.value.value }).catch(() => null);
     if (!told) return;
     if (told.conflicts) return say(`${told.error}: it is '${told.conflicts[0].theirs}' now.`, "error", { "Load the page again": () => location.reload() });
     say("");

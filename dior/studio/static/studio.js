@@ -12,6 +12,11 @@ export async function send(path, content) {
   return answered(await reach(path, { method: "POST", body, headers: { "content-type": "application/json" } }));
 }
 
+/** The same for what is to be written into a file: an error says that it is not. */
+export async function write(path, content) {
+  return send(path, content).catch((error) => { throw error.said ? failed(`Not written: ${error.message}`) : error; });
+}
+
 async function reach(address, options) {
   try {
     return await awaited(fetch(address, options));
@@ -63,6 +68,9 @@ export function say(text, kind = "", buttons = {}) {
   }
   place.replaceChildren(words);
 }
+
+/** "1 mark", "2 marks". */
+export const many = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;
 
 /** An element with attributes (functions are listeners) and children. */
 export function element(name, attributes = {}, ...children) {
@@ -139,8 +147,12 @@ export function onUndo(undo, redo) {
   });
 }
 
-/** Call `act(key, event)` for keys that are pressed outside of fields to type in. */
+/** Call `act(key, event)` for keys that are pressed outside of fields to type in. What was clicked with the mouse gives the
+ * focus back: Enter is then the page's. */
 export function onKeys(act) {
+  document.addEventListener("click", (event) => {
+    if (event.detail) event.target.closest("summary, button, input[type=checkbox]")?.blur();
+  });
   document.addEventListener("keydown", (event) => {
     const field = event.target.closest("input:not([type=range]):not([type=checkbox]), select, textarea");
     if (field || event.ctrlKey || event.metaKey || event.altKey) return;

@@ -3,7 +3,7 @@
 import { Crops, latest, whileHeld } from "./crops.js";
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { $, ask, element, fill, prose, remember, say, send, state, svg } from "./studio.js";
+import { $, ask, element, fill, prose, remember, say, state, svg, write } from "./studio.js";
 
 const NEAR_MS = 250; // of the curve and the dial, either way
 const [WIDE, HIGH, LEFT, BELOW] = [280, 150, 34, 18];
@@ -130,7 +130,7 @@ function look(one) {
 
 async function put(after) {
   const { walk, camera, given } = told;
-  const answer = await send("/api/time/save", { walk, camera, before: given, after });
+  const answer = await write("/api/time/save", { walk, camera, before: given, after });
   if (answer.conflicts) {
     const [{ theirs }] = answer.conflicts;
     say(`${answer.error}. There is ${JSON.stringify(theirs)}.`, "error", {

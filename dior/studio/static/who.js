@@ -1,6 +1,6 @@
 // The page Who.
 
-import { $, ask, element, onKeys, onUndo, prose, remember, say, send, state, svg } from "./studio.js";
+import { $, ask, element, onKeys, onUndo, prose, remember, say, state, svg, write } from "./studio.js";
 
 const STATES = {
   mocap: ["nothing to do", "Indoors the motion capture says where the subject is."],
@@ -21,13 +21,13 @@ const undone = { undo: [], redo: [] };
 const seedOf = (camera, frame) => told.seeds.findIndex((one) => one.camera === camera && one.frame === frame);
 const plain = (seeds) => (seeds.length ? seeds : null);
 
-/** Write other seeds; `past` is where what was there is kept. */
+/** Write other seeds; `past` is where what was there is kept. False where they cannot be written. */
 async function put(after, past) {
   const before = told.seeds;
-  const found = await send("/api/who", { walk: told.walk, before: plain(before), after: plain(after) }).catch((error) => {
+  const found = await write("/api/who", { walk: told.walk, before: plain(before), after: plain(after) }).catch((error) => {
     if (!error.said) throw error;
   });
-  if (!found) return;
+  if (!found) return false;
   if (found.conflicts) {
     say("The file has been changed elsewhere meanwhile. Nothing of yours is written; what is there now is shown.", "error");
     undone.undo = [];
@@ -37,6 +37,7 @@ async function put(after, past) {
     past?.push(before);
   }
   await refresh();
+  return true;
 }
 
 function name(camera, u, v) {
@@ -46,9 +47,10 @@ function name(camera, u, v) {
   return put([...rest, { camera, frame, u: Math.round(u * 10) / 10, v: Math.round(v * 10) / 10 }], undone.undo);
 }
 
-function back(from, to) {
+async function back(from, to) {
   const last = undone[from].pop();
-  if (last) put(last, undone[to]);
+  // what cannot be written can be tried again
+  if (last && !(await put(last, undone[to]))) undone[from].push(last);
 }
 
 const undo = () => back("undo", "redo");
