@@ -10,17 +10,20 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil, nan
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from dior.check.notes import Notes
+from dior.clocks import by_hand
 from dior.errors import DiorError, nearest
 from dior.ingest import frames, picture_folders
 from dior.ingest.bag_reader import full_name
 from dior.ingest.glance import Stream, glance, is_packed
 from dior.ingest.messages import PICTURES
+from dior.ingest.video_frames import Span
 from dior.project.contents import Project
 from dior.project.missing import SEQUENCES, can_be_read, line_of
 from dior.project.plain_text import unreadable
@@ -30,6 +33,8 @@ from dior.project.run import cores
 FEW = 40
 # chosen: by its length and rate, a video that does not count its pictures has so many times as many at most
 ABOUT = 1.05
+# chosen: a step that looks for a clock looks less far
+APART_S = 20.0
 # what is in a recording, or why that cannot be told; None of one that is compressed as a whole
 InIt: TypeAlias = tuple[Stream, ...] | DiorError | None
 # by path
@@ -186,3 +191,32 @@ def _check_overlap(project: Project, walk: str, line: int, recorded: Mapping[str
     ]
     with notes.kept(SEQUENCES, line, walk):
         frames.check_overlap(walk, spans, project.clocked_by_hand(walk))
+    for path in project.offsets(walk):
+        # what is wrong with the file itself is told with the other files
+        with suppress(DiorError):
+            given = by_hand.by_hand(project.root / path, project.cameras_of(walk))
+            with notes.kept(path, None, walk):
+                check_given(path, spans, {camera: one.offset_s for camera, one in given.items()})
+
+
+def check_given(path: str, spans: Iterable[Span], offset_s: Mapping[str, float]) -> None:
+    """Refuse an offset by hand that puts a camera's pictures far outside of those of all other cameras.
+
+    `offset_s`: of the cameras that a person gave one in the file `path`; `spans` as of `frames.check_overlap`.
+    """
+    moved = {
+        camera: (first / 1e9 + offset_s.get(camera, 0.0), last / 1e9 + offset_s.get(camera, 0.0))
+        for first, last, camera, _ in spans
+    }
+    for camera in sorted(offset_s.keys() & moved.keys()):
+        # those without one by hand are at their stamps, which is where the walk is
+        others = [span for name, span in moved.items() if name not in offset_s]
+        if not others:
+            return
+        first, last = moved[camera]
+        early, late = min(one for one, _ in others) - last, first - max(one for _, one in others)
+        if max(early, late) > APART_S:
+            way = f"end {early:.0f} s before the other cameras' begin" if early > late else (
+                f"begin {late:.0f} s after the other cameras' end"
+            )  # fmt: skip
+            raise DiorError(f"{path}: with offset_s {offset_s[camera]:g} the pictures of '{camera}' {way}; correct it")

@@ -58,6 +58,12 @@ def describe(kind: str, *keys: str) -> str:
     return " ".join(schema["description"].split())
 
 
+def largest(kind: str, key: str) -> float:
+    """The largest value of a key of the entries that a schema has under any name, such as a camera's."""
+    [entry] = _schema(kind)["patternProperties"].values()
+    return float(entry["properties"][key]["maximum"])
+
+
 @overload
 def read_sheet(path: AnyPath, kind: str, key: str, shown: str | None = None) -> tuple[Rows, dict[str, int]]: ...
 

@@ -21,11 +21,13 @@ from dior.arrays import Floats, Ints, Table
 from dior.calibrate import locate
 from dior.clocks import by_hand, lag
 from dior.clocks import clock as on_axis
+from dior.clocks.axis import seconds
 from dior.clocks.clock import Clock
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
+from dior.project import schema_check
 from dior.project.yaml_file import read_yaml
 from dior.report import clocks as told_clocks
 from dior.studio import skeletons
@@ -36,8 +38,7 @@ from dior.studio.workspace import Workspace, state_of
 from dior.tables import tables
 
 PICTURES = 6  # chosen: as many as there is room for below the picture
-# chosen: further than any search goes
-MOST = {"offset_s": 20.0, "drift_ppm": 1e4}
+DRAWN = ("offset_s", "drift_ppm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ def drawn(request: Request) -> Response:
         view = _views(request)[key] = view_of(workspace_of(request), *key)
     frame = number_of(request, "frame", 0)
     workspace_of(request).frames_with(*key, frame)
-    offset_s, drift_ppm = (within(name, words.get(name, 0), most) for name, most in MOST.items())
+    offset_s, drift_ppm = (within(name, words.get(name, 0), schema_check.largest("offsets", name)) for name in DRAWN)
     shown = lines_at(view, np.append(view.chosen, frame), offset_s, drift_ppm)
     return JSONResponse({"pictures": shown[:-1], "frame": shown[-1]})
 
@@ -136,13 +137,32 @@ async def save(request: Request) -> Response:
         if walk not in project.sequences or camera not in project.cameras_of(walk):
             raise DiorError(f"the project has no camera '{camera:.40}' in a walk '{walk:.40}'")
         path = skeletons.offsets_file(walk)
-        change_value(
-            path, camera, words.get("before"), words.get("after"),
-            lambda draft: by_hand.by_hand(draft, project.cameras_of(walk)),
-        )  # fmt: skip
+
+        def check(draft: Path) -> None:
+            clock = by_hand.by_hand(draft, project.cameras_of(walk)).get(camera)
+            if clock is not None:
+                _check_reaches(workspace, draft, walk, camera, clock)
+
+        change_value(path, camera, words.get("before"), words.get("after"), check)
         return {"file": path, "given": by_hand_of(walk, camera)}
 
     return JSONResponse(await run_in_threadpool(written))
+
+
+def _check_reaches(workspace: Workspace, path: Path, walk: str, camera: str, clock: Clock) -> None:
+    """Refuse a clock by which no picture of the camera is of the time of the walk's 3D; without any 3D there is no way
+    to tell."""
+    try:
+        body = skeletons.body_of(workspace, walk)
+    except skeletons.NotYet:
+        return
+    times = seconds(workspace.frames(walk, camera)["stamp_ns"], body.t0_ns, clock.offset_s, clock.drift_ppm)
+    begin, end = body.track.seconds[[0, -1]].tolist()
+    if not ((times >= begin) & (times <= end)).any():
+        raise DiorError(
+            f"{path}: with offset_s {clock.offset_s:g} no picture of '{camera}' is of the {end - begin:.1f} s of which "
+            f"there is 3D of {walk}; give a smaller one"
+        )
 
 
 def lines_at(view: View, rows: Ints, offset_s: float, drift_ppm: float) -> list[dict[str, list[list[float]]]]:

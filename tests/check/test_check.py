@@ -151,6 +151,20 @@ def other_times(project):
     ]
 
 
+def clocks_that_cannot_be(project):
+    (project / "config/offsets").mkdir(exist_ok=True)
+    (project / "config/offsets/out_1.yaml").write_text("cam02: {offset_s: 1.0e+9}\n")
+    return [
+        r"offsets/out_1.yaml: with offset_s 1e\+09 the pictures of 'cam02' begin \d+ s after the other cameras' end"
+    ]
+
+
+def sure_of_nothing(project):
+    (project / "config/offsets").mkdir(exist_ok=True)
+    (project / "config/offsets/out_1.yaml").write_text("cam02: {offset_s: 0, sigma_s: 1.0e+9}\n")
+    return [r"offsets/out_1.yaml(:1|:) 'cam02.sigma_s' .*at most 10"]
+
+
 def marks_and_boxes(project):
     edit(project, "sessions/lab/cam01.marks.csv", "3,LASI", "3,LASY")
     edit(project, "sessions/lab/cam01.marks.csv", "9,LASI", "90,LASI")
@@ -481,7 +495,7 @@ LENS = (
 )
 BROKEN = [
     nothing_there, names_of_files, links_to_nothing, broken_bags, wrong_topics, pictures_and_lenses,
-    lenses_of_another_size, other_times,
+    lenses_of_another_size, other_times, clocks_that_cannot_be, sure_of_nothing,
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
     odd_recordings, still_to_do, still_to_do_in_a_session, silent_cameras, videos, too_few_marks, too_few_boxes,
     boxes_of_walks_that_are_left_out, boxes_of_no_walk,

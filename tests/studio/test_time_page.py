@@ -148,3 +148,21 @@ def test_a_clock_is_overridden_and_accepted_again(ran, chromium):
         one.wait_for_selector("#counts:has-text('The estimate counts')")
         assert path.read_text() == text and one.locator("#offset").input_value() == was
         assert one.locator("#curve path").count() == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"offset_s": 1e12}, "offset_s"),
+        ({"offset_s": 21.0}, "no picture of 'cam01'"),
+        ({"offset_s": 0.0, "sigma_s": 1e9}, "sigma_s"),
+        ({"offset_s": 0.0, "drift_ppm": 1e6}, "drift_ppm"),
+    ],
+)
+def test_a_clock_that_cannot_be_is_refused_and_not_written(client, project, given, word):
+    (project / "config/offsets/in_1.yaml").unlink(missing_ok=True)
+    answer = put(client, None, given, walk="in_1", camera="cam01")
+    assert answer.status_code == 422 and word in answer.json()["error"]
+    assert answer.json()["error"].startswith("config/offsets/in_1.yaml")
+    assert not (project / "config/offsets/in_1.yaml").exists()
+    assert put(client, None, {"offset_s": 0.1, "sigma_s": 1}, walk="in_1", camera="cam01").status_code == 200

@@ -146,7 +146,12 @@ async function put(after) {
   set(offset);
 }
 
-const override = () => $("override").disabled || put({ offset_s: Number((offset / 1e3).toFixed(4)), drift_ppm: Number(drift().toFixed(1)), sigma_s: ($("sigma").valueAsNumber || 0) / 1e3 });
+function override() {
+  if ($("override").disabled) return;
+  const sigma = $("sigma").valueAsNumber;
+  if (!Number.isFinite(sigma)) return say("Not written: how sure you are (± ms) is no number; 0 counts as exact.", "error");
+  put({ offset_s: Number((offset / 1e3).toFixed(4)), drift_ppm: Number(drift().toFixed(1)), sigma_s: sigma / 1e3 }).catch((error) => { if (!error.said) throw error; });
+}
 
 async function accept() {
   if ($("accept").disabled) return;
