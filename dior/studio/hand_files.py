@@ -162,10 +162,13 @@ def _says(text: str, path: str, wanted: dict[str, Any]) -> bool:
         return False
 
 
-def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD) -> None:
+def fill_in(
+    path: str, line: int, key: str, value: str, before: str = todos.WORD, check: Callable[[Path], Any] = os.fspath
+) -> None:
     """Put what a person knows in the place of a TODO (`todos.Todo`), or of `before`, in a sheet or a YAML file.
 
-    Raises Conflict where `before` is not there any more, and DiorError for a value that breaks the file.
+    `check` as of `change_rows`. Raises Conflict where `before` is not there any more, and DiorError for a value that
+    breaks the file.
     """
     value = value.strip()
     sheet = path.endswith(".tsv")
@@ -186,6 +189,7 @@ def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD
                 rows_of(draft, path, "\t")
             else:
                 read_yaml(draft, path)
+            check(draft)
 
         _write(path, text, text[:begin] + value + text[end:], readable)
 

@@ -1,11 +1,14 @@
 """Start: what is left to do by hand, what each would bring, and the line to run next, or a button that runs it."""
 
+import os
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import urlencode
 
@@ -17,15 +20,16 @@ from starlette.routing import Route
 from dior.calibrate.locate import FEWEST
 from dior.calibrate.marks import marks as hand_marks
 from dior.check import computer
-from dior.errors import DiorError, many
+from dior.errors import DiorError, Faults, many
 from dior.project import running, todos
 from dior.project.contents import Project
 from dior.project.cross_checks import NotMarked
 from dior.project.plain_text import rows_of, text_of
+from dior.project.project import as_far_as_it_goes
 from dior.report import last_run
 from dior.studio import hand_files, report_page
 from dior.studio.live_pose import FRAMES
-from dior.studio.pages import PAGES, in_memory, page, sent, workspace_of
+from dior.studio.pages import PAGES, in_memory, one_of, page, sent, workspace_of
 from dior.studio.runs import Runs
 from dior.studio.workspace import Read, Workspace
 from dior.tables import tables
@@ -113,7 +117,8 @@ async def fill(request: Request) -> Response:
 
 
 def _filled(workspace: Workspace, told: dict[str, Any], filled: dict[todos.Todo, str]) -> dict[str, Any]:
-    """What is written, and what is `wrong` with it; `filled`: what was filled in here may be mended here."""
+    """What is written, and what is `wrong` in its file now; `filled`: what was filled in here may be mended here.
+    Raises DiorError for a value that the steps would refuse."""
     path, line, key, value = (told.get(name) for name in ("path", "line", "key", "value"))
     wanted = next(
         (one for one in [*todos.found("."), *filled] if (one.path, one.line, one.key) == (path, line, key)), None
@@ -121,11 +126,49 @@ def _filled(workspace: Workspace, told: dict[str, Any], filled: dict[todos.Todo,
     if wanted is None or not isinstance(value, str):
         raise DiorError("this is no value that is still to be filled in; load the page again")
     value = as_typed(wanted.path, value)
-    hand_files.fill_in(wanted.path, wanted.line, wanted.key, value, filled.get(wanted, todos.WORD))
+    if value.startswith(todos.WORD):
+        raise DiorError(f"'{wanted.key}' would be {todos.WORD} still; fill in what it is")
+    before = filled.get(wanted, todos.WORD)
+    hand_files.fill_in(wanted.path, wanted.line, wanted.key, value, before, partial(_check_value, wanted, value))
     filled[wanted] = value
     read = workspace.read()
     wrong = [str(one) for one in faults_of(read) if wanted.path in str(one)]
     return {"value": value, "wrong": wrong}
+
+
+def _check_value(todo: todos.Todo, value: str, draft: Path) -> None:
+    """Refuse a value in a file that will be as `draft`, with the sentence of who reads the project."""
+    name = todo.key.rsplit(".", 1)[-1]
+    if name == "subject" and todo.path.endswith(".tsv") and not todo.path.endswith("/subjects.tsv"):
+        # with values to be filled in, too, the sheets are not compared yet
+        (_, header), *rows = rows_of("config/subjects.tsv", "config/subjects.tsv", "\t")
+        known = [dict(zip(header, cells, strict=False)).get("subject", "") for _, cells in rows]
+        one_of("subject of config/subjects.tsv", value, known)
+    with TemporaryDirectory(prefix="dior_studio_") as folder:
+        root = Path(folder)
+        for entry in Path(".").iterdir():
+            if entry.name != "config":
+                (root / entry.name).symlink_to(entry.resolve())
+        shutil.copytree("config", root / "config", copy_function=_link_to)
+        had = _sentences(root)
+        (root / todo.path).unlink()
+        shutil.copyfile(draft, root / todo.path)
+        # what else is wrong in the file, and is seen only now, does not stand in the way
+        new = [one for one in _sentences(root) if one not in had and todo.path in one]
+        told = [one for one in new if re.search(rf"\b{re.escape(name)}\b", one) or f"'{value}'" in one]
+    if told:
+        raise DiorError(told[0])
+
+
+def _link_to(source: str, link: str) -> None:
+    os.symlink(os.path.abspath(source), link)
+
+
+def _sentences(root: Path) -> list[str]:
+    """What is wrong with the files of a project's config/ but what is missing yet."""
+    faults, unfinished = Faults(), todos.found(root)
+    as_far_as_it_goes(root, faults, unfinished=unfinished)
+    return [str(one) for one in faults_of(Read(None, tuple(faults.found), tuple(unfinished)))]
 
 
 def as_typed(path: str, value: str) -> str:

@@ -145,11 +145,44 @@ def test_a_value_that_is_wrong_is_said_and_can_be_mended_on_the_page(client, pro
     begin = text.index("position_m: [") + len("position_m: ")
     path.write_text(text[:begin] + "TODO" + text[text.index("]", begin) + 1 :])
     told = {"path": "config/sessions/field/cam01.yaml", "line": line, "key": "tape.position_m"}
-    answer = client.post("/api/fill", json=told | {"value": "nowhere"}).json()
-    assert answer["wrong"] and "position_m" in answer["wrong"][0]
+    left = path.read_text()
+    for wrong in ("nowhere", "1.5, 2", "nan, 1, 2", "TODO"):
+        answer = client.post("/api/fill", json=told | {"value": wrong})
+        assert answer.status_code == 422 and "position_m" in answer.json()["error"]
+        assert path.read_text() == left
     answer = client.post("/api/fill", json=told | {"value": " 4.0, 2.5, -1.5 "}).json()
     assert answer == {"value": "[4.0, 2.5, -1.5]", "wrong": []} and "position_m: [4.0, 2.5, -1.5]" in path.read_text()
     assert client.post("/api/fill", json=told | {"value": "[5, 2.5, 1.5]"}).json()["wrong"] == []
     assert "position_m: [5, 2.5, 1.5]" in path.read_text()
     path.write_text(path.read_text().replace("[5,", "[6,"))
     assert client.post("/api/fill", json=told | {"value": "[7, 2.5, 1.5]"}).status_code == 409
+
+
+@pytest.mark.parametrize(
+    ("path", "key", "wrong", "right"),
+    [
+        ("config/subjects.tsv", "height_m", ["167", "-5", "nan", "1,67", "abc", "TODO: ask"], "1.67"),
+        ("config/subjects.tsv", "consent_release", ["maybe"], "yes"),
+        ("config/sequences.tsv", "subject", ["S99", "TODO"], None),
+        ("config/sequences.tsv", "environment", ["underwater"], None),
+    ],
+)
+@pytest.mark.parametrize("others", [False, True])
+def test_what_the_steps_would_refuse_is_not_written(client, project, path, key, wrong, right, others):
+    header, *lines = (project / path).read_text().splitlines()
+    at = header.split("\t").index(key)
+    cells = lines[0].split("\t")
+    right, cells[at] = right or cells[at], "TODO"
+    (project / path).write_text("\n".join([header, "\t".join(cells), *lines[1:]]) + "\n")
+    if others:
+        # the rest cannot be read yet
+        edit(project, "sessions/lab/session.yaml", "\n", "\nlab: TODO\n")
+        edit(project, "config.yaml", "data_root: ", "data_root: TODO ")
+    left = (project / path).read_text()
+    told = {"path": path, "line": 2, "key": key}
+    for value in wrong:
+        answer = client.post("/api/fill", json=told | {"value": value})
+        assert answer.status_code == 422 and key in answer.json()["error"], (value, answer.json())
+        assert (project / path).read_text() == left
+    assert client.post("/api/fill", json=told | {"value": right}).status_code == 200
+    assert (project / path).read_text() == left.replace("TODO", right)
