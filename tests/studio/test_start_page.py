@@ -186,3 +186,23 @@ def test_what_the_steps_would_refuse_is_not_written(client, project, path, key, 
         assert (project / path).read_text() == left
     assert client.post("/api/fill", json=told | {"value": right}).status_code == 200
     assert (project / path).read_text() == left.replace("TODO", right)
+
+
+@pytest.mark.slow
+def test_after_a_run_the_report_is_there_and_the_last_lines_are_seen(practice, chromium, tmp_path):
+    project = shutil.copytree(practice, tmp_path / "capture")
+    report = project / "results/report"
+    run = {"state": "running", "done": 1, "total": 2, "dry": False, "elsewhere": "", "lines": ["a line"] * 200}
+    with browser.served(project) as address, browser.page(chromium, address) as one:
+        one.route("**/api/run", lambda route: route.fulfill(json=run))
+        one.reload()
+        one.wait_for_selector("#going[data-state='running']")
+        report.mkdir(parents=True)
+        (report / "index.html").write_text("a report")
+        (report / "verdict.txt").write_text("All recordings are good.")
+        run |= {"state": "done", "done": 2, "lines": ["a line"] * 300}
+        # without the page being loaded again
+        one.locator("#outcome a", has_text="Open the report").wait_for()
+        assert "All recordings are good." in one.locator("#outcome").inner_text()
+        left = one.locator("#lines").evaluate("(box) => box.scrollHeight - box.clientHeight - box.scrollTop")
+        assert left < 2

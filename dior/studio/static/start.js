@@ -13,7 +13,11 @@ function shown({ state, done, total, lines, dry, elsewhere }) {
   const words = { running: dry ? "Looking what would run ..." : "At work ...", done: dry ? "" : "Done.", failed: "It ended with an error.", none: elsewhere };
   $("steps").textContent = `${total && !dry ? `${done} of ${total} steps. ` : ""}${words[state]}`;
   $("steps").className = state === "failed" ? "bad" : "";
-  $("lines").textContent = lines.join("\n");
+  const box = $("lines");
+  // who has scrolled back to read stays there
+  const last = box.scrollHeight - box.clientHeight - box.scrollTop < 4;
+  box.textContent = lines.join("\n");
+  if (last) box.scrollTop = box.scrollHeight;
   $("going").dataset.state = state;
   return running;
 }
@@ -28,13 +32,14 @@ async function follow() {
   if (begun && !$("lines").dataset.dry) await again();
 }
 
-/** Put the tasks of the page as it is now in the place of those that are shown. */
+/** Put the tasks and the report of the page as it is now in the place of those that are shown. */
 async function again() {
   const text = await (await fetch(location.href)).text();
   const fresh = new DOMParser().parseFromString(text, "text/html");
   for (const [old, now] of [[document.querySelectorAll("main > section:not(:has(#run, #checked))"), fresh.querySelectorAll("main > section:not(:has(#run, #checked))")]]) {
     old.forEach((one, i) => (now[i] ? one.replaceWith(now[i]) : one.remove()));
   }
+  $("outcome").replaceWith(fresh.getElementById("outcome"));
 }
 
 async function act(what) {
