@@ -347,7 +347,11 @@ def _write(path: str, before: str, after: str, check: Callable[[Path], Any]) -> 
     mode = stat.S_IMODE(place.stat().st_mode) if place.exists() else None
     # without the mark, Excel takes it for Latin-1 the next time
     marked = mode is not None and place.read_bytes().startswith(UTF_8_MARK)
-    write_text(place, UTF_8_MARK.decode() + after if marked else after)
+    try:
+        write_text(place, UTF_8_MARK.decode() + after if marked else after)
+    except PermissionError as error:
+        # it names a temporary file beside it
+        raise DiorError(f"{path}: cannot be written ({error.strerror}); it or its folder is read-only") from None
     if mode is not None:
         # who may read and write it stays: others of a group may work in the same folder
         os.chmod(place, mode)

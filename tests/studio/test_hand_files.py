@@ -3,6 +3,7 @@
 import pytest
 
 from dior.errors import DiorError
+from dior.studio import hand_files
 from dior.studio.hand_files import Change, Conflict, change_rows, change_value, change_values, fill_in
 
 KEYS, OTHERS = ("sequence", "frame", "joint"), ("u", "v")
@@ -384,3 +385,17 @@ def test_yaml_that_cannot_be_changed_is_said_in_a_sentence(tmp_path, text):
     with pytest.raises(DiorError, match="change it by hand"):
         change_values(str(path), [("b", None, 2)], fine)
     assert path.read_text() == text
+
+
+def test_a_file_that_is_protected_is_named_and_not_the_temporary_one(tmp_path, monkeypatch):
+    path = tmp_path / "a.yaml"
+    path.write_text("a: 1\n")
+
+    def refused(place, text):
+        raise PermissionError(1, "Operation not permitted", f"{place.parent}/.a.yaml.tmp")
+
+    monkeypatch.setattr(hand_files, "write_text", lambda place, text: refused(place, text) if place == path else None)
+    monkeypatch.setattr(hand_files, "_check", lambda *given: None)
+    with pytest.raises(DiorError, match="a.yaml: cannot be written .*read-only") as told:
+        hand_files.change_value(str(path), "a", 1, 2, str)
+    assert ".tmp" not in str(told.value) and path.read_text() == "a: 1\n"
