@@ -409,3 +409,29 @@ def test_what_cannot_be_written_stays_is_said_and_comes_with_the_next_or_is_take
         # the browser says of answers that they are refusals
         assert all("422" in text for text in one.said), one.said
         one.said.clear()
+
+
+@pytest.mark.slow
+def test_a_click_before_the_answer_to_the_one_before_is_of_the_next_and_what_is_said_moves_no_picture(
+    unmarked, chromium
+):
+    path = "/marks?session=lab&camera=cam01&frame=48"
+    with browser.served(unmarked) as address, browser.page(chromium, address, path) as one:
+        ready(one)
+        at = one.locator("#picture").bounding_box()
+        held = []
+        one.route("**/api/marks/snap?*", lambda route: held.append(route))
+        names = []
+        for u in (500.0, 520.0, 540.0):
+            names.append(asked(one))
+            one.mouse.click(*one.evaluate(PLACE, [u, 300.0]))
+            until(one, f"document.querySelector('#prompt strong')?.innerText !== '{names[-1]}'")
+            assert "Nothing is left" not in one.inner_text("body")
+        for route in held:
+            route.fulfill(json={"u": 500 + 20 * held.index(route), "v": 300, "found": False})
+        saved(one, 3)
+        assert {name: uv[0] for (_, name), uv in rows_of(unmarked, "cam01").items()} == dict(
+            zip(names, (500, 520, 540), strict=True)
+        )
+        one.locator("#said .look").wait_for()
+        assert one.locator("#picture").bounding_box() == at

@@ -26,6 +26,7 @@ let aimed = false; // whether the pointer or the crosshair has moved since it is
 let selected = null; // the mark of this frame that the arrows move
 let cursor = null; // the crosshair, where the keyboard has moved it
 let pointer = null; // where the mouse is on the picture
+const placing = new Set(); // marks whose click the server still looks at
 let unseen = new Set(); // marks that the person cannot see
 let [done, undone] = [[], []]; // changes of marks, and markers that were said not to be visible
 // changes of this camera's file on their way into it
@@ -141,8 +142,11 @@ async function place(u, v) {
   const [joint, frame, at] = [chosen, scrub.at, picture.recording];
   const { width, height } = at;
   if (!(u >= -0.5 && v >= -0.5 && u < width - 0.5 && v < height - 0.5)) return say("That is outside of the picture: nothing is marked.");
-  const expected = predictedAt(joint);
-  chosen = null;
+  const [expected, id] = [predictedAt(joint), idOf(joint)];
+  placing.add(id);
+  // the next click may come before the answer
+  ask_for(following(joint));
+  show();
   const rounded = [u, v].map((one) => Math.round(one * 100) / 100);
   let found = { u: rounded[0], v: rounded[1] };
   if ($("snaps").checked) {
@@ -151,6 +155,7 @@ async function place(u, v) {
       say(`Not marked: ${error.message}`, "error");
     });
   }
+  placing.delete(id);
   if (!found) return ask_for(joint, true);
   if (at !== picture.recording) return;
   if (frame === scrub.at) {
@@ -179,10 +184,11 @@ function doubt(joint, { u, v, found }, expected) {
 
 /** The marker to ask for, on this frame and not marked: what helps most, or else what is easy to tell. */
 function following(after = null) {
-  const free = (joint) => !markOf(joint) && joint !== after && !unseen.has(idOf(joint));
+  const free = (joint) => !markOf(joint) && joint !== after && !unseen.has(idOf(joint)) && !placing.has(idOf(joint));
   const hidden = new Set((answer.predicted ?? []).filter((one) => one.hidden).map((one) => one.joint));
   const rest = told.markers.map((one) => one.name).filter((joint) => !hidden.has(joint));
-  return [...(answer.order ?? told.easy), ...rest].find(free) ?? null;
+  // before clock and pose are found, what seems hidden may be seen: it is asked for last
+  return [...(answer.order ?? told.easy), ...rest, ...(answer.errors ? [] : hidden)].find(free) ?? null;
 }
 
 function ask_for(joint, own = false) {
