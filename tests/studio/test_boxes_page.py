@@ -343,6 +343,34 @@ def test_what_is_said_of_a_picture_is_undone_and_made_again_and_a_box_beside_eve
         keystrokes.until(lambda: third not in written())
 
 
+# screen pixels a pixel, of a picture that is looked at
+SCALE = 8
+
+
+@pytest.mark.slow
+def test_a_box_of_another_size_than_the_others_is_told_and_not_offered_again(chromium, practice, tmp_path):
+    project = shutil.copytree(practice, tmp_path / "sizes")
+    browser.solved(project, "boxes")
+    path = project / "config/boxes/outdoor_01.cam04.csv"
+    frame = list(rows_of(path))[10]
+    # the next one is left to draw
+    lines = path.read_text().splitlines(True)
+    path.write_text("".join(lines[:12] + lines[13:]))
+    with (
+        browser.served(project) as address,
+        browser.page(chromium, address, f"/boxes?walk=outdoor_01&camera=cam04&frame={frame}&count=30") as page,
+    ):
+        assert keystrokes.frame_shown(page) == frame
+        right = np.array(edges_of(rows_of(path)[frame]))
+        keystrokes.draw_with_mouse(keystrokes.Person(page), frame, right + [-15, -15, 15, 15])
+        page.keyboard.press("Enter")
+        page.get_by_text("px tall, and the others about").wait_for()
+        # on to the one that is not drawn yet
+        keystrokes.until(lambda: keystrokes.frame_shown(page) != frame)
+        offered = page.locator("#picture svg .offered").bounding_box()
+        assert offered["height"] / SCALE < 1.3 * (right[3] - right[1])
+
+
 @pytest.mark.slow
 def test_boxes_that_cannot_be_written_stay_and_come_with_the_next(chromium, practice, tmp_path):
     project = shutil.copytree(practice, tmp_path / "kept")

@@ -11,6 +11,8 @@ const AHEAD = 3; // pictures that are asked for before they are wanted
 const COARSE = 4;
 // body heights a second: nobody goes faster
 const FAST = 2.5;
+// so many boxes tell how tall the person is; one that is so many times taller, or smaller, is asked about
+const [FEW, ODD] = [4, 1.6];
 
 const picture = new Picture($("picture"), { onClick: clicked, onDrag: dragged });
 let walks = [];
@@ -69,8 +71,19 @@ function expected(frame) {
   return best && off(best) <= reach ? middle(best) : place;
 }
 
+const tall = ([, above, , below]) => below - above;
+
+/** How tall the boxes of the other frames are, px, the middle one; null where they are few. A stride changes the width. */
+function usual(frame) {
+  const heights = told.frames.filter((one) => drawn(one) && one.frame !== frame).map((one) => tall(one.box)).sort((a, b) => a - b);
+  return heights.length < FEW ? null : heights[Math.floor(heights.length / 2)];
+}
+const odd = (height, others) => others !== null && Math.max(height / others, others / height) > ODD;
+
 /** Why a box may be beside the person, or "". */
 function doubt(frame, edges) {
+  const others = usual(frame);
+  if (odd(tall(edges), others)) return `is ${tall(edges).toFixed(0)} px tall, and the others about ${others.toFixed(0)}`;
   const found = between(frame);
   if (found && apart(middle(edges), found[0]) > found[1]) return `is ${apart(middle(edges), found[0]).toFixed(0)} px from where the other boxes expect the person`;
   const [a, b, c, d] = edges;
@@ -80,7 +93,9 @@ function doubt(frame, edges) {
 
 /** Width and height of the box that is offered: those of the one drawn nearest in time, else of a person far away. */
 function size(frame) {
-  const near = neighbours(frame).sort((a, b) => Math.abs(a.frame - frame) - Math.abs(b.frame - frame))[0];
+  const near = told.frames
+    .filter((one) => drawn(one) && one.frame !== frame && !odd(tall(one.box), usual(one.frame)))
+    .sort((a, b) => Math.abs(a.frame - frame) - Math.abs(b.frame - frame))[0];
   return near ? [near.box[2] - near.box[0], near.box[3] - near.box[1]] : [recording.height / 80, recording.height / 32];
 }
 

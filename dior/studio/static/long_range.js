@@ -74,7 +74,10 @@ function set(values, step = true) {
   $("save").disabled = $("back").disabled = same;
   $("undo").disabled = !past.length;
   $("redo").disabled = !future.length;
-  if (step) document.querySelector("[name=pose][value=eye]").checked = true;
+  if (step && pose() !== "eye") {
+    say(`A nudge is from what the file says by eye, not from the pose ${pose() === "run" ? "of the last run" : "that was fitted"}: the skeleton is drawn with that now.`, "look");
+    document.querySelector("[name=pose][value=eye]").checked = true;
+  }
   draw();
 }
 
