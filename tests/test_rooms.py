@@ -11,7 +11,7 @@ PACKAGE = Path(dior.__file__).parent
 ROOMS = (
     ("errors", "progress", "paths", "arrays", "shortage", "formats", "tables", "project", "geometry", "body", "clocks")
     + ("gait", "ingest", "calibrate", "reconstruct", "label", "evaluate", "reid", "report", "release")
-    + ("init", "check", "studio", "simulate", "cli")
+    + ("init", "assess", "check", "studio", "simulate", "cli")
 )
 CALIBRATE = ("readers", "lens", "marks", "clock", "outline", "bundle")
 RULES = ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow")

@@ -28,6 +28,7 @@ COMMANDS = {
     "studio": "dior.studio.studio",
     "verify": "dior.release.verify.verify",
     "diff": "dior.release.diff.diff",
+    "assess": "dior.assess.assess",
     "formats": "dior.cli.formats",
     "export-cameras": "dior.release.export_cameras",
     "export": "dior.release.export_rrd",

@@ -49,13 +49,13 @@ class WalkerJoints:
 
 
 def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[str]) -> WalkerJoints:
-    """`WalkerJoints` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
+    """`WalkerJoints` of the joints `wanted` that the markers xyz (I, M, 3) tell, or that are among them."""
     points, axes = joint_centres.joints(xyz, markers, wanted)
     there = np.isfinite(points).all(axis=-1).mean(axis=0) > 0.2
     at = {name: xyz[:, i, :2] for i, name in enumerate(markers)}
-    pairs = [
-        (f"L{part}", f"R{part}") for part in ("ASI", "PSI", "SHO", "KNE", "ANK") if {f"L{part}", f"R{part}"} <= set(at)
-    ]
+    sided = [(f"L{part}", f"R{part}") for part in ("ASI", "PSI", "SHO", "KNE", "ANK")]
+    sided += [(f"left_{part}", f"right_{part}") for part in ("hip", "shoulder", "knee", "ankle")]
+    pairs = [(a, b) for a, b in sided if {a, b} <= set(at)]
     left = np.nansum([at[a] - at[b] for a, b in pairs], axis=0) if pairs else np.zeros((len(t), 2))
     return WalkerJoints(
         t, points[:, there], axes[:, there], left, [name for name, yes in zip(wanted, there, strict=True) if yes]

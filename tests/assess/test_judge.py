@@ -1,0 +1,95 @@
+"""Datasets in memory that are right, or wrong on purpose by a known size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import assess as made
+
+
+@pytest.fixture(scope="module")
+def right():
+    return made.recording("ideal", seed=3, frames=240)
+
+
+def faults(found):
+    """(what it is about, code) of all that is wrong."""
+    own = [("", fault.code) for fault in found.faults]
+    return own + [(row.camera, fault.code) for row in found.rows for fault in row.faults]
+
+
+def test_a_right_dataset_passes(right):
+    found = made.judged(right)
+    assert not found.wrong and found.verdict == "within the errors in 3 cameras"
+    for row in found.rows:
+        assert abs(row.timing.late_s) < 0.002 and row.timing.half_s < 0.005
+        assert np.linalg.norm(row.beside.px) < 2 and abs(row.lens.focal - 1) < 0.01
+    assert abs(found.world.scale - 1) < 0.005 and not found.world.mirrored
+
+
+@pytest.mark.parametrize("level", ["ideal", pytest.param("real", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [*made.WRONG])
+def test_what_is_wrong_on_purpose_is_named_with_its_size(level, name, right):
+    recording = right if level == "ideal" else made.recording("real", seed=1, frames=300)
+    case = made.WRONG[name]
+    found = made.judged(case.make(recording))
+    assert set(faults(found)) == {case.expected}, found.verdict
+    assert made.size_of(found, name) == pytest.approx(case.size, abs=case.within * (1 if level == "ideal" else 3))
+
+
+def test_other_rates_noise_and_missing_joints(right):
+    random = np.random.default_rng(0)
+    views = []
+    for every, view in zip((1, 2, 3), right.views, strict=True):
+        uv = view.uv[::every] + 4 * random.standard_normal(view.uv[::every].shape)
+        uv[random.random(uv.shape[:2]) < 0.3] = np.nan
+        # an arm that is never seen
+        uv[:, [right.joints.index(f"left_{part}") for part in ("elbow", "wrist")]] = np.nan
+        views.append(replace(view, elapsed=view.elapsed[::every], uv=uv, fps=view.fps / every))
+    changed = replace(right, views=tuple(views))
+    assert not made.judged(changed).wrong
+    late = replace(changed, views=(views[0], made.late(views[1], 0.3), views[2]))
+    found = made.judged(late)
+    assert faults(found) == [("cam02", "offset")]
+    time = found.rows[1].timing
+    assert abs(time.late_s - 0.3) < max(3 * time.half_s, 0.005) and time.half_s < 0.02
+
+
+@pytest.mark.slow
+def test_a_large_drift_and_lost_pictures(right):
+    view = made.drifting(right.views[0], 0.2)
+    found = made.judged(replace(right, views=(view, *right.views[1:])))
+    assert faults(found) == [("cam01", "drift")]
+    assert found.rows[0].timing.drift == pytest.approx(0.2, abs=0.01)
+
+
+def test_cameras_against_each_other_without_3d(right):
+    alone = replace(right, motion=None)
+    assert not made.judged(alone).wrong
+    first, second, third = alone.views
+    found = made.judged(replace(alone, views=(first, made.late(second, 0.3), third)))
+    assert faults(found) == [("cam02", "offset")] and found.against == "cam01"
+    assert found.rows[1].timing.late_s == pytest.approx(0.3, abs=0.01)
+    exchanged = made.WRONG["exchanged"].make(alone)
+    assert faults(made.judged(exchanged)) == [("", "exchanged")]
+
+
+def test_what_cannot_be_told_says_why(right):
+    still = replace(right.motion, xyz=np.broadcast_to(right.motion.xyz[:1], right.motion.xyz.shape))
+    views = []
+    for view in right.views:
+        uv = np.broadcast_to(view.uv[:1], view.uv.shape) + np.random.default_rng(1).standard_normal(view.uv.shape)
+        views.append(replace(view, uv=uv))
+    found = made.judged(replace(right, motion=still, views=tuple(views)))
+    assert not found.wrong and not found.told and found.verdict.startswith("cannot tell (cam01: ")
+    assert "hardly move" in found.verdict or "fits about as well" in found.verdict or "end of" in found.verdict
+    one = replace(right, motion=None, views=right.views[:1])
+    assert "nothing to compare it with" in made.judged(one).verdict
+
+
+def test_2d_of_another_walk_is_told_to_be_apart(right):
+    other = made.recording("ideal", seed=8, frames=240, walk="circling")
+    views = tuple(replace(view, uv=theirs.uv) for view, theirs in zip(right.views, other.views, strict=True))
+    found = made.judged(replace(right, views=(right.views[0], right.views[1], views[2])))
+    assert [where for where, _ in faults(found)] == ["cam03"]
