@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dior.arrays import Floats, Ints
+from dior.arrays import Floats, Ints, Table
 from dior.assess import explain
 from dior.assess.recording import Motion, Recording, View
 from dior.body.spellings import joint_of
@@ -134,7 +134,7 @@ def _cameras(given: Sequence[GivenCamera], path: str) -> tuple[dict[str, Camera]
     out, errors = {}, []
     poses = [one.pose.T for one in given if not isinstance(one.pose, DiorError)]
     far = len(poses) > 1 and np.ptp([T[:3, 3] for T in poses], axis=0).max() > FAR_APART
-    assumed = set()
+    assumed: set[str] = set()
     for one in given:
         try:
             lens = intrinsics(one, "", f"{path} [{one.name}]")
@@ -181,7 +181,8 @@ def _recording(
     found: dict[str, tuple[People, str]] = {}
     for one in files:
         reader = READERS[one.tool]
-        for name in sorted(rig.cameras) if reader.all_cameras else [camera_of(one.path, rig)]:
+        of: list[str | None] = [*sorted(rig.cameras)] if reader.all_cameras else [camera_of(one.path, rig)]
+        for name in of:
             if name is None:
                 notes.append(f"{one.path} is left aside: no camera of the calibration is in its path")
                 continue
@@ -317,7 +318,7 @@ def _skeletons(folder: Path, path: str) -> Moving:
     return Moving(path, 1 / float(np.median(np.diff(t))), (("", Motion(t, xyz, joints)),))
 
 
-def skeleton(table: dict[str, Floats]) -> tuple[Floats, Floats, tuple[str, ...]]:
+def skeleton(table: Table) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Times (I,) s after the first instant, points (I, J, 3) and joints of a table `skeletons_3d`."""
     xyz, joints = tables.grid(table, "x", "y", "z")
     stamps = table["stamp_ns"].reshape(len(xyz), -1)[:, 0]
@@ -377,7 +378,9 @@ def of_release(folder: Path) -> list[Recording]:
         for file in sorted((folder / f"detections/{subject}").glob(f"{sequence}.*.parquet")):
             camera = file.name.removesuffix(".parquet").rpartition(".")[2]
             if (session, camera) in rig:
-                seen[camera] = _released(tables.read(file, "released_detections"), start, told[sequence, camera])
+                seen[camera] = _released(
+                    tables.read(file, "released_detections"), start, told.get((sequence, camera), (0.0, 0.0))
+                )
         if not seen:
             continue
         common = [name for name in next(iter(seen.values()))[2] if all(name in own[2] for own in seen.values())]
@@ -393,9 +396,7 @@ def of_release(folder: Path) -> list[Recording]:
     return out
 
 
-def _released(
-    table: dict[str, Floats], start_ns: int, clock: tuple[float, float]
-) -> tuple[Floats, Floats, list[str], float]:
+def _released(table: Table, start_ns: int, clock: tuple[float, float]) -> tuple[Floats, Floats, list[str], float]:
     """Times (F,) s, pixels (F, J, 2), joints and pictures a second of a camera's detections in a release."""
     values, joints = tables.grid(table, "u", "v", "score")
     stamps = table["stamp_ns"].reshape(len(values), -1)[:, 0]

@@ -18,7 +18,7 @@ from dior.assess.recording import Motion, Recording, View, common_grid, matched
 from dior.body import plausible, wrong_world
 from dior.body.names import swap_index
 from dior.body.plausible import Fault
-from dior.calibrate.clock import from_cameras, from_mocap
+from dior.calibrate.clock import fit, from_cameras, from_mocap
 from dior.calibrate.clock.from_cameras import TimedDetections, frame_by_frame
 from dior.clocks import lag
 from dior.clocks.axis import blend, bracket, sample
@@ -275,7 +275,7 @@ def _aligned(motion: Motion, grid: Floats, points: Floats, joints: Sequence[str]
     for late in lags.tolist():
         source = blend(walker.points, *bracket(walker.t, at + late, gap))
         known = np.isfinite(source).all(axis=-1) & np.isfinite(target).all(axis=-1)
-        if known.sum() < from_mocap.fit.FEWEST:
+        if known.sum() < fit.FEWEST:
             continue
         for mirrored in (False, True):
             a, b = source[known] * (-1 if mirrored else 1, 1, 1), target[known]

@@ -63,7 +63,7 @@ class Judged:
     def verdict(self) -> str:
         """One sentence: within the errors, or what is wrong, or why nothing can be told."""
         own = [fault.text for fault in self.faults]
-        own += [f"{row.camera}: {fault.text}" for row in _alike(self.rows) for fault in row.faults]
+        own += [f"{row.camera}: {fault.text}" for row in self.rows for fault in row.faults]
         if own:
             return f"wrong: {'; '.join(own)}"
         unknown = [row for row in self.rows if row.why]
@@ -99,11 +99,11 @@ def _with_motion(recording: Recording) -> Judged:
         whole += [fault for fault in explain.world_faults(world) if fault.code != "world_shift"]
     of_person = wrong_world.of_person(recording.motion.xyz, recording.motion.names) if recording.motion else []
     told = {fault.code for fault in whole}
-    whole += [replaced(fault) for fault in of_person if fault.code in OF_WORLD and fault.code not in told]
+    whole += [_of_3d(fault) for fault in of_person if fault.code in OF_WORLD and fault.code not in told]
     return Judged(recording.name, tuple(rows), tuple(whole), world, "the 3D", recording.notes)
 
 
-def replaced(fault: Fault) -> Fault:
+def _of_3d(fault: Fault) -> Fault:
     """A fault of the world as one of the 3D, without the keys of a project."""
     return Fault(fault.code, fault.text.replace("the world is", "the 3D is").partition(" (physics")[0])
 
@@ -184,10 +184,6 @@ def _beside_fault(beside: space.Beside) -> Fault:
         "person: its pose is off, or the 2D was cropped or shifted"
     )
     return Fault("beside", text)
-
-
-def _alike(rows: Sequence[Row]) -> Sequence[Row]:
-    return [row for row in rows if row.faults]
 
 
 def _views_alone(recording: Recording) -> Judged:
