@@ -70,13 +70,13 @@ def explained(recording: Recording) -> Explained:
             return Explained(other, faults, theirs)
         if better and sum(map(_fits, theirs)) > sum(map(_fits, best.apart_m)):
             best = Explained(other, faults, theirs)
-    found, faults, apart = best.recording, list(best.faults), list(best.apart_m)
-    for i, moved in _moved(found, apart):
-        faults.append((found.views[i].camera.name, moved[0]))
-        views = [replace(view, camera=moved[1]) if j == i else view for j, view in enumerate(found.views)]
+    found, told, left = best.recording, list(best.faults), list(best.apart_m)
+    for i, (fault, camera, apart_m) in _moved(found, best.apart_m):
+        told.append((found.views[i].camera.name, fault))
+        views = [replace(view, camera=camera) if j == i else view for j, view in enumerate(found.views)]
         found = replace(found, views=tuple(views))
-        apart[i] = moved[2]
-    return Explained(found, tuple(faults), tuple(apart))
+        left[i] = apart_m
+    return Explained(found, tuple(told), tuple(left))
 
 
 def _brought(recording: Recording, apart: tuple[float, ...]) -> Explained | None:

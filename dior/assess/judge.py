@@ -197,7 +197,8 @@ def _views_alone(recording: Recording) -> Judged:
         why = "its pictures and those of the others are of no time in common"
         rows = tuple(Row(v.camera.name, v.fps, None, None, None, (), why) for v in views)
         return Judged(recording.name, rows, (), None, against, recording.notes)
-    faults, own = [], {}
+    faults: list[Fault] = []
+    own: dict[str, Fault] = {}
     if not explain.agree(recording):
         recording, faults, own = _put_right(recording)
     rows = tuple(_against_first(recording, own))

@@ -73,7 +73,7 @@ def of_view(view: View, walker: WalkerJoints) -> Timing:
 def by_parts(estimated: Estimator, elapsed: Floats, fps: float) -> Timing:
     """`Timing` of pictures at `elapsed` (F,) s, all of them together and part by part."""
     length, middle = float(elapsed[-1] - elapsed[0]), float((elapsed[0] + elapsed[-1]) / 2)
-    every = np.ones(len(elapsed), bool)
+    every: Bools = np.ones(len(elapsed), bool)
     count = min(int(length / PART_S), MOST_PARTS)
     whole = late(estimated(elapsed, every))
     if count < FEWEST_PARTS:
