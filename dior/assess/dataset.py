@@ -40,9 +40,6 @@ FAR_APART = 50.0
 SAME_COUNT = 2
 # the axes of a TRC by Pose2Sim are (Y, Z, X) of its calibration's world
 POSE2SIM = ((0, 0, 1), (1, 0, 0), (0, 1, 0))
-# tools whose detector smooths over time in videos, and how late that makes it: of ../shared/data/real_outdoor, whose
-# cameras are genlocked, 16 to 46 ms (`dior assess` on its mlkit/ against its 3D)
-SMOOTHING, SMOOTHED_S = ("mlkit", "mlkit_csv", "mediapipe"), 0.05
 # files beside markers that hold the joints of a skeleton
 MOTION_SUFFIXES = (".trc", ".c3d", ".tsv", ".csv", ".parquet")
 
@@ -203,11 +200,8 @@ def _recording(
     views, joints = _views(found, rates, rig, first)
     tools = ", ".join(sorted({READERS[one.tool].tool for one in files}))
     notes.append(f"2D by {tools}: {', '.join(path for _, path in found.values())}")
-    lag_s = SMOOTHED_S if any(one.tool in SMOOTHING for one in files) else 0.0
-    if lag_s:
-        notes.append(f"{tools} may smooth over time: 2D that is late by up to {1e3 * lag_s:.0f} ms is no fault")
     name = "/".join(part for part in (one.strip(" _.-") for one in names.stem(key).split("/")) if part)
-    out = Recording(name or "recording", joints, views, None, (), lag_s)
+    out = Recording(name or "recording", joints, views, None)
     if motion is None:
         return [replace(out, notes=tuple(notes))]
     ways = [(said, replace(out, motion=way)) for said, way in motion.ways]
@@ -377,7 +371,8 @@ def of_release(folder: Path) -> list[Recording]:
         seen = {}
         for file in sorted((folder / f"detections/{subject}").glob(f"{sequence}.*.parquet")):
             camera = file.name.removesuffix(".parquet").rpartition(".")[2]
-            if (session, camera) in rig:
+            # of a camera that moved within a session there is no one pose
+            if (session, camera) in rig and rig[session, camera].wTc is not None:
                 seen[camera] = _released(
                     tables.read(file, "released_detections"), start, told.get((sequence, camera), (0.0, 0.0))
                 )

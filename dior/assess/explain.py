@@ -22,6 +22,7 @@ from dior.calibrate.clock import fit, from_cameras, from_mocap
 from dior.calibrate.clock.from_cameras import TimedDetections, frame_by_frame
 from dior.clocks import lag
 from dior.clocks.axis import blend, bracket, sample
+from dior.clocks.clock import NORMAL_95
 from dior.geometry import culprit, multiview
 from dior.geometry.camera import Camera, angle_deg
 from dior.geometry.disagreeing_views import agreeing
@@ -289,13 +290,28 @@ def _aligned(motion: Motion, grid: Floats, points: Floats, joints: Sequence[str]
         return None
     _, late, mirrored, s, R, t = best
     source = blend(walker.points, *bracket(walker.t, at + late, gap)) * (-1 if mirrored else 1, 1, 1)
-    parts = []
-    for first, last in pairwise(np.linspace(0, len(at), SCALE_PARTS + 1).round().astype(int)):
-        a, b = np.delete(source, slice(first, last), 0), np.delete(target, slice(first, last), 0)
-        parts.append(multiview.similarity(a.reshape(-1, 3), b.reshape(-1, 3))[0])
-    half = 1.96 * float(np.sqrt((len(parts) - 1) * np.var(parts)))
+    half = NORMAL_95 * float(np.hypot(_spread(source, target), _spread_by_joints(source, target)))
     tall = plausible.stature(walker.points, walker.names), plausible.stature(target, walker.names)
     return World(s, R, t, mirrored, half, *tall)
+
+
+def _spread(source: Floats, target: Floats) -> float:
+    """1 sigma of the scale from source to target (T, J, 3) by parts of the time that are left out."""
+    parts = []
+    for first, last in pairwise(np.linspace(0, len(source), SCALE_PARTS + 1).round().astype(int)):
+        a, b = np.delete(source, slice(first, last), 0), np.delete(target, slice(first, last), 0)
+        parts.append(multiview.similarity(a.reshape(-1, 3), b.reshape(-1, 3))[0])
+    return float(np.sqrt((len(parts) - 1) * np.var(parts)))
+
+
+def _spread_by_joints(source: Floats, target: Floats) -> float:
+    """1 sigma of the same by joints that are left out: where a detector puts a joint is wrong all the time."""
+    joints = range(source.shape[1])
+    parts = [
+        multiview.similarity(np.delete(source, j, 1).reshape(-1, 3), np.delete(target, j, 1).reshape(-1, 3))[0]
+        for j in joints
+    ]
+    return float(np.sqrt((len(parts) - 1) * np.var(parts)))
 
 
 def _of_world(

@@ -21,6 +21,8 @@ from dior.geometry import culprit
 TOLERATED_PICTURES = 0.5
 # of the world, what is told of 3D that fits its cameras; where its floor is and how fast somebody goes is theirs
 OF_WORLD = ("world_scale", "world_left_handed")
+# chosen: a detector that smooths over time is late by so much at most, since a step would be lost in more
+SMOOTHED_S = 0.1
 NOTHING_TO_COMPARE = "there is 2D without 3D in one camera: nothing to compare it with"
 
 
@@ -65,13 +67,23 @@ class Judged:
         own = [fault.text for fault in self.faults]
         own += [f"{row.camera}: {fault.text}" for row in self.rows for fault in row.faults]
         if own:
-            return f"wrong: {'; '.join(own)}"
+            return f"wrong: {'; '.join(own)}{self._lenses}"
         unknown = [row for row in self.rows if row.why]
         if not unknown:
-            return f"within the errors in {many(len(self.rows), 'camera')}"
+            return f"within the errors in {many(len(self.rows), 'camera')}{self._lenses}"
         why = "; ".join(f"{row.camera}: {row.why}" for row in unknown)
         rest = len(self.rows) - len(unknown)
-        return f"cannot tell ({why})" + (f"; within the errors in {many(rest, 'other camera')}" if rest else "")
+        within = f"; within the errors in {many(rest, 'other camera')}" if rest else ""
+        return f"cannot tell ({why}){within}{self._lenses}"
+
+    @property
+    def _lenses(self) -> str:
+        """Of which lenses nothing can be told, as the end of a sentence."""
+        of = [row for row in self.rows if row.lens is not None and lens.untold([row.lens])]
+        if not of:
+            return ""
+        which = "" if len(of) == len(self.rows) else f" of {', '.join(row.camera for row in of)}"
+        return f"; the lens{which}: cannot tell ({lens.untold([row.lens for row in of if row.lens is not None])})"
 
 
 def judged(recording: Recording) -> Judged:
@@ -91,10 +103,11 @@ def _with_motion(recording: Recording) -> Judged:
         if not apart <= explain.FITS_M:
             rows.append(_not_told(view, apart))
             continue
-        rows.append(_of_camera(matched(view, right.joints, walker), walker, faults, right.lag_s))
+        rows.append(_of_camera(matched(view, right.joints, walker), walker, faults))
     whole = [fault for about, fault in found.faults if not about]
+    whole += _of_all_times(rows)
     world = explain.aligned(_at_right_times(right, rows)) if all(not row.why for row in rows) else None
-    codes = {fault.code for fault in whole}
+    codes = {fault.code for about, fault in found.faults if not about}
     if world is not None and not codes and not any(row.faults for row in rows if row.lens and row.lens.wrong):
         whole += [fault for fault in explain.world_faults(world) if fault.code != "world_shift"]
     of_person = wrong_world.of_person(recording.motion.xyz, recording.motion.names) if recording.motion else []
@@ -119,7 +132,7 @@ def _not_told(view: View, apart: float) -> Row:
     return Row(view.camera.name, view.fps, None, None, None, fault, "" if fault else why)
 
 
-def _of_camera(view: View, walker: WalkerJoints, faults: list[Fault], lag_s: float) -> Row:
+def _of_camera(view: View, walker: WalkerJoints, faults: list[Fault]) -> Row:
     """Time, lens and place of a camera that belongs to the 3D."""
     time = timing.of_view(view, walker)
     if time.why:
@@ -127,7 +140,7 @@ def _of_camera(view: View, walker: WalkerJoints, faults: list[Fault], lag_s: flo
     times = time.at(view.elapsed)
     bend = lens.of_view(view, walker, times)
     beside = space.of_view(view, walker, times)
-    faults = [*faults, *time_faults(time, view.fps, lag_s)]
+    faults = [*faults, *time_faults(time, view.fps)]
     # a camera whose lens or pose is wrong lies beside as well
     if bend.wrong and not {fault.code for fault in faults} & {"image_scale", "pose"}:
         faults.append(_lens_fault(bend))
@@ -144,11 +157,11 @@ def _at_right_times(recording: Recording, rows: Sequence[Row]) -> Recording:
     return replace(recording, views=tuple(views))
 
 
-def time_faults(time: timing.Timing, fps: float, lag_s: float = 0.0) -> list[Fault]:
-    """What is wrong with the times of a camera beyond their intervals and half a picture; `lag_s`: it may be late."""
+def time_faults(time: timing.Timing, fps: float) -> list[Fault]:
+    """What is wrong with the times of a camera beyond their intervals and half a picture."""
     tolerated = TOLERATED_PICTURES / fps
     found = []
-    if abs(time.late_s) - time.half_s > tolerated + (lag_s if time.late_s < 0 else 0.0):
+    if abs(time.late_s) - time.half_s > tolerated:
         text = (
             f"its pictures are {abs(time.late_s):.3f} ± {time.half_s:.3f} s ({abs(time.late_s) * fps:.1f} pictures) "
             f"too {'early' if time.late_s > 0 else 'late'}: add {time.late_s:+.3f} s to their times"
@@ -165,6 +178,24 @@ def time_faults(time: timing.Timing, fps: float, lag_s: float = 0.0) -> list[Fau
         text = f"its times step by up to {abs(time.steps_s):.3f} s: pictures, or frames of the 3D, are missing"
         found.append(Fault("step", text))
     return found
+
+
+def _of_all_times(rows: Sequence[Row]) -> list[Fault]:
+    """What may be the cause where every camera, of two or more, is late, or every one is early."""
+    if len(rows) < 2 or not all("offset" in {fault.code for fault in row.faults} for row in rows):
+        return []
+    times = [row.timing for row in rows if row.timing is not None]
+    off, half = np.array([time.late_s for time in times]), max(time.half_s for time in times)
+    if len(set(np.sign(off))) > 1:
+        return []
+    low, high = sorted(np.abs(off))[0], sorted(np.abs(off))[-1]
+    same = bool(high - low <= 2 * half + TOLERATED_PICTURES / min(row.fps for row in rows))
+    said = f"the 2D of all cameras is too {'early' if off[0] > 0 else 'late'}, by {low:.3f} to {high:.3f} s"
+    if off[0] < 0 and high <= SMOOTHED_S:
+        return [Fault("all_offset", f"{said}: a detector that smooths over time, or the stamps")]
+    if same:
+        return [Fault("all_offset", f"{said}: the times of the 3D, or the stamps of all cameras")]
+    return []
 
 
 def _lens_fault(bend: lens.Lens) -> Fault:
@@ -253,6 +284,6 @@ def _against_first(recording: Recording, own: dict[str, Fault]) -> list[Row]:
         middle = float((grid[0] + grid[-1]) / 2)
         told = [(at - middle, *found[name][:2]) for at, found in parts if not found[name][2]]
         time = timing.of_parts(told, late, sigma, why, middle, length, view.fps)
-        faults += time_faults(time, view.fps, recording.lag_s) if not time.why else []
+        faults += time_faults(time, view.fps) if not time.why else []
         rows.append(Row(name, view.fps, time, None, None, tuple(faults), time.why if not faults else ""))
     return rows

@@ -6,6 +6,7 @@ Pose and lens are fitted together to how the residuals change as the joints move
 is constant for a joint and a side of the body left to the detector). What nothing tells keeps what is given, by priors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,13 +28,16 @@ STEP_K1 = 1e-4  # of the numerical derivative
 SURE = 1.5
 # chosen: at fx 1680, in the middle of the picture's edge, and of the focal length: lenses of one kind differ by as much
 LEAST_PX, LEAST_FOCAL = 2.0, 0.005
+# chosen: an interval that moves the edge by more tells nothing of a lens: 2 % of the focal length, a k1 of 0.05 or so
+UNTOLD_PX = 20.0
 
 
 @dataclass(frozen=True)
 class Lens:
     """`focal`: by what the focal length is to be multiplied, `k1`: what is to be added to the first coefficient;
     `half_focal` and `half_k1`: half of the 95 % intervals, NaN where too little is seen; `edge_px`: how far what is
-    sure of both moves the middle of a picture's edge, 0 where nothing is; `focal_wrong`, `k1_wrong`: which is sure."""
+    sure of both moves the middle of a picture's edge, 0 where nothing is; `focal_wrong`, `k1_wrong`: which is sure;
+    `focal_untold`, `k1_untold`: of which the interval leaves too much open, of a lens that is not wrong."""
 
     focal: float = 1.0
     half_focal: float = np.nan
@@ -42,6 +46,8 @@ class Lens:
     edge_px: float = 0.0
     focal_wrong: bool = False
     k1_wrong: bool = False
+    focal_untold: bool = True
+    k1_untold: bool = True
 
     @property
     def wrong(self) -> bool:
@@ -72,7 +78,30 @@ def of_view(view: View, walker: WalkerJoints, times: Floats) -> Lens:
     k1_wrong = edge_px(view.camera, bent(view.camera, 1.0, float(np.sign(theta[7]) * left[1]))) > LEAST_PX
     changed = bent(view.camera, found.focal if focal_wrong else 1.0, found.k1 if k1_wrong else 0.0)
     edge = edge_px(view.camera, changed)
-    return replace(found, edge_px=edge, focal_wrong=focal_wrong, k1_wrong=k1_wrong)
+    wrong = focal_wrong or k1_wrong
+    focal_off, k1_off = bent(view.camera, 1 + found.half_focal, 0.0), bent(view.camera, 1.0, found.half_k1)
+    return replace(
+        found,
+        edge_px=edge,
+        focal_wrong=focal_wrong,
+        k1_wrong=k1_wrong,
+        focal_untold=not wrong and edge_px(view.camera, focal_off) > UNTOLD_PX,
+        k1_untold=not wrong and edge_px(view.camera, k1_off) > UNTOLD_PX,
+    )
+
+
+def untold(lenses: Sequence[Lens]) -> str:
+    """What cannot be told of some lenses, and how far it is known; "" where all can."""
+    focal = [one.half_focal for one in lenses if one.focal_untold]
+    k1 = [one.half_k1 for one in lenses if one.k1_untold]
+    return ", ".join(_known(what, halves) for what, halves in (("focal length", focal), ("k1", k1)) if halves)
+
+
+def _known(what: str, halves: Sequence[float]) -> str:
+    if np.isnan(halves).any():
+        return f"{what} not known"
+    low, high = f"{min(halves):.3f}", f"{max(halves):.3f}"
+    return f"{what} known to ± {low}" + (f" to {high}" if high != low else "")
 
 
 def bent(camera: Camera, focal: float, k1: float) -> Camera:

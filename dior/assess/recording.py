@@ -52,7 +52,7 @@ class Motion:
 class Recording:
     """`name`; the `views` with their `joints` (J), one order for all; `motion`, None where there is no 3D.
 
-    `notes`: what was taken for what, in words; `lag_s`: how late the 2D may be because its detector smooths over time.
+    `notes`: what was taken for what, in words.
     """
 
     name: str
@@ -60,7 +60,6 @@ class Recording:
     views: tuple[View, ...]
     motion: Motion | None
     notes: tuple[str, ...] = ()
-    lag_s: float = 0.0
 
 
 def matched(view: View, joints: tuple[str, ...], walker: WalkerJoints) -> View:

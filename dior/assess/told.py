@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from dior.assess import lens
 from dior.assess.judge import Judged, Row
 
 KEYS = (
     "recording", "camera", "fps", "against", "offset_s", "offset_low", "offset_high", "offset_pictures", "drift_ppm",
     "drift_low", "drift_high", "drift_ms_per_min", "step_s", "u_px", "u_low", "u_high", "v_px", "v_low", "v_high",
-    "focal", "focal_low", "focal_high", "k1", "k1_low", "k1_high", "verdict",
+    "focal", "focal_low", "focal_high", "k1", "k1_low", "k1_high", "lens_untold",
+    "verdict",
 )  # fmt: skip
 HEAD = ("camera", "offset ms", "pictures", "drift ppm", "u, v px", "focal", "k1", "")
 
@@ -62,6 +64,7 @@ def cells(found: Judged, row: Row) -> dict[str, Any]:
     if bend is not None:
         out |= _interval("focal", "focal", bend.focal, bend.half_focal)
         out |= _interval("k1", "k1", bend.k1, bend.half_k1)
+        out["lens_untold"] = lens.untold([bend])
     return {key: None if isinstance(value, float) and not np.isfinite(value) else value for key, value in out.items()}
 
 
@@ -75,7 +78,9 @@ def verdict(row: Row) -> str:
     """Of a camera, in a few words."""
     if row.faults:
         return ", ".join(fault.code.replace("_", " ") for fault in row.faults)
-    return "cannot tell" if row.why else "ok"
+    if row.why:
+        return "cannot tell"
+    return "ok, lens: cannot tell" if row.lens is not None and lens.untold([row.lens]) else "ok"
 
 
 def as_csv(every: Sequence[Judged]) -> str:
