@@ -129,6 +129,7 @@ def test_in_a_browser_the_report_is_whole_and_a_hostile_one_reaches_nothing(ran,
         said = []
         report.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
         report.on("pageerror", lambda error: said.append(str(error)))
+        report.wait_for_load_state("load")
         report.reload()
         report.wait_for_load_state("load")
         base = report.url.rpartition("/")[0]

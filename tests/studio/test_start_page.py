@@ -133,7 +133,7 @@ def test_the_button_runs_the_workflow_to_its_end(practice, chromium, tmp_path):
         one.wait_for_selector("#going[data-state='running']")
         one.wait_for_selector("#going[data-state='done']", timeout=900_000)
         assert "steps. Done." in one.locator("#steps").inner_text()
-        one.locator("text=recordings are good").wait_for()
+        one.locator("#outcome", has_text="recordings are good").wait_for()
         assert (project / "results/report/index.html").is_file()
 
 
