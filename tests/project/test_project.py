@@ -416,7 +416,7 @@ def test_marks_without_3d_points_need_the_mocap(root):
         (
             "offsets/out_1.yaml",
             "cam01: {offset_s: 1e-3}\n",
-            ["'cam01.offset_s' is '1e-3' but should be a number; YAML takes that for a word, write 0.001"],
+            ["'cam01.offset_s' is '1e-3' but should be a number at least", "YAML takes that for a word, write 0.001"],
         ),
         ("people/oat_1.yaml", POINTED, ["config/people/oat_1.yaml: 'oat_1' is not in config/sequences.tsv", "'out_1'"]),
         ("people/out_1.yaml", POINTED.replace("01", "1"), ["seed 1: 'cam1' is no close camera of this", "'cam01'"]),
