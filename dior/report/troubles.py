@@ -139,7 +139,7 @@ def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble
         of, text = next((one.sequence, text) for one, own, text, _ in each if own == level)
         below = tuple(dict.fromkeys((one.sequence, text) for one, _, _, own in each for _, text in own))
         alike = tuple((one.sequence, other) for one, _, other, _ in each if other != text)
-        told = Trouble(level, code, text, names, None, below, (), alike, of if alike else "")
+        told = Trouble(level, code, text, names, follows=below, alike=alike, of=of if alike else "")
         found.append(_with_fix(told, recordings, setting))
     return sorted(found, key=lambda one: -lights.LEVELS.index(one.level))
 

@@ -93,8 +93,9 @@ function doubt(frame, edges) {
 
 /** Width and height of the box that is offered: those of the one drawn nearest in time, else of a person far away. */
 function size(frame) {
+  const others = usual(frame);
   const near = told.frames
-    .filter((one) => drawn(one) && one.frame !== frame && !odd(tall(one.box), usual(one.frame)))
+    .filter((one) => drawn(one) && one.frame !== frame && !odd(tall(one.box), others))
     .sort((a, b) => Math.abs(a.frame - frame) - Math.abs(b.frame - frame))[0];
   return near ? [near.box[2] - near.box[0], near.box[3] - near.box[1]] : [recording.height / 80, recording.height / 32];
 }
