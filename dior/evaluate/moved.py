@@ -41,6 +41,10 @@ FLOOR_DEG = 0.01  # added to a turn's standard error; chosen: a tenth of what is
 # how walks differ where a session has two, which do not tell; chosen: a clock that is known to 4 ms puts a walker
 # 5 mm aside, 5 m away
 UNTOLD_DEG = 0.05
+# walks beyond one on each side that tell how walks differ; where fewer do, a turn's covariance is so many times what
+# its cells say, whose errors a detector and a lens share. Chosen: the least at which `benchmarks.bumps 60` has no false
+# alarm of 2 and 4 walks at `real`
+TELLING, SHARED = 4, 9.0
 HUBER = 2.0  # residuals beyond this many times their median pull no harder; chosen
 
 
@@ -153,14 +157,14 @@ def find_change(found: Sequence[Normal]) -> Change | None:
     each: dict[int, list[Change]] = {}
     sure = set()
     for v in range(len(found[0].g) if len(found) > 1 else 0):
-        alone = [_against_others(found, s, v) for s in range(len(found))]
         for first in range(1, len(found)):
-            known = turn(sum(found[1:first], found[0]), sum(found[first + 1 :], found[first]), v)
+            before, after = _sum(found[:first]), _sum(found[first:])
+            known = turn(before, after, v)
             if known is None:
                 continue
             degrees = float(np.degrees(np.linalg.norm(known[0])))
             each.setdefault(first, []).append(Change(v, first, degrees, known[2]))
-            spread = known[1] + np.radians(FLOOR_DEG) ** 2 * np.eye(3) + _scatter(alone, first)
+            spread = _spread(found, first, v, known[1])
             if degrees >= LEAST_DEG and float(known[0] @ np.linalg.solve(spread, known[0])) >= SURE:
                 sure.add(each[first][-1])
     if not sure:
@@ -171,17 +175,30 @@ def find_change(found: Sequence[Normal]) -> Change | None:
     return replace(best, others=tuple(one.camera for one in rest if one.gain >= ALIKE * best.gain))
 
 
-def _scatter(each: Sequence[Turn | None], first: int) -> Floats:
-    """Covariance (3, 3) of a change of the mean, from how the walks on either side of `first` differ among themselves.
+def _sum(found: Sequence[Normal]) -> Normal:
+    return sum(found[1:], found[0])
 
-    Diagonal: a few walks tell no more. `each`: a camera's turn in every sequence and its covariance, or None.
+
+def _spread(found: Sequence[Normal], first: int, camera: int, of_cells: Floats) -> Floats:
+    """Covariance (3, 3) of a camera's turn between the walks before `first` and the others; `of_cells`: as its cells
+    say.
+
+    Added is how the walks on either side differ among themselves. Each is compared with all of the other side: compared
+    with all others, those of its own side that walk otherwise would hold back its part of a bump, and look like a
+    scatter as large as the bump itself. Its off-diagonal is left out: a few walks tell no more.
     """
-    sides = [[t[0] for t in side if t is not None] for side in (each[:first], each[first:])]
-    left = [np.array(side) - np.mean(side, axis=0) for side in sides if side]
-    free = sum(max(len(side) - 1, 0) for side in left)
-    if not free:
-        return np.radians(UNTOLD_DEG) ** 2 * np.eye(3)
-    return np.diag((np.concatenate(left) ** 2).sum(axis=0)) / free * sum(1 / len(side) for side in sides if side)
+    sides = found[:first], found[first:]
+    left = []
+    for own, other in (sides, sides[::-1]):
+        turns = [known[0] for one in own if (known := turn(_sum(other), one, camera)) is not None]
+        if turns:
+            left.append(np.array(turns) - np.mean(turns, axis=0))
+    telling = sum(len(side) - 1 for side in left)
+    if telling:
+        squared = (np.concatenate(left) ** 2).sum(axis=0) / telling * sum(1 / len(side) for side in left)
+    else:
+        squared = np.full(3, np.radians(UNTOLD_DEG) ** 2)
+    return (1.0 if telling >= TELLING else SHARED) * of_cells + np.diag(squared + np.radians(FLOOR_DEG) ** 2)
 
 
 def run(
@@ -241,7 +258,7 @@ def _of_cameras(verdict: culprit.Verdict) -> bool:
 def _against_others(found: Sequence[Normal], s: int, v: int) -> Turn | None:
     """`turn` of camera v in sequence s against the other sequences."""
     others = [one for i, one in enumerate(found) if i != s]
-    return turn(sum(others[1:], others[0]), found[s], v) if others else None
+    return turn(_sum(others), found[s], v) if others else None
 
 
 def _row(known: Turn | None) -> tuple[float, ...]:
