@@ -164,6 +164,17 @@ def aside(table: Iterable[CameraRow]) -> set[tuple[str, str]]:
     }
 
 
+def typed(found: Iterable[CameraRow]) -> dict[str, list[tuple[str, str, str, str]]]:
+    """By sequence what the table says to type for it: camera, "" for the walk, and file, what and gain of a `Fix`."""
+    lines: dict[str, list[tuple[str, str, str, str]]] = {}
+    for row in found:
+        for trouble in row.told:
+            for fix in (trouble.fix, *trouble.also) if trouble.fix and trouble.fix.what else ():
+                for sequence in trouble.sequences:
+                    lines.setdefault(sequence, []).append((row.camera, fix.file, fix.what, fix.gain))
+    return lines
+
+
 def figures(found: Iterable[CameraRow]) -> Figures:
     """What is kept of a run, to be compared with the next (`last_run`)."""
     names = ("sigma_px", "coverage", "residual_px", "beside_px")

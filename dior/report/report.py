@@ -168,7 +168,7 @@ def run(
     environment = pages.environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     viewer_files.write(out)
-    write_text(out / "compared.js", _script({card["sequence"]: cards.beyond(card, own) for card, own in both}))
+    write_text(out / "compared.js", _script(both, overview.typed(table)))
     page = environment.get_template("index.html.j2").render(
         title=title,
         dataset=dataset.section(counted),
@@ -211,9 +211,15 @@ def _cards(
     return card, own
 
 
-def _script(beyond: Mapping[str, Any]) -> str:
-    """What the pages of sequences load: of those of which the index says more than they do."""
-    told = {sequence: more for sequence, more in beyond.items() if more}
+def _script(
+    both: Iterable[tuple[dict[str, Any], dict[str, Any]]], typed: Mapping[str, list[tuple[str, str, str, str]]]
+) -> str:
+    """What the pages of sequences load: what the index says more than they do, and what is to be typed."""
+    told = {}
+    for card, own in both:
+        more, fixes = cards.beyond(card, own) or {}, typed.get(card["sequence"])
+        if more or fixes:
+            told[card["sequence"]] = more | ({"fixes": fixes} if fixes else {})
     return f"window.compared = {json.dumps(told, sort_keys=True, indent=1)};\n"
 
 

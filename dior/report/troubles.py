@@ -75,6 +75,8 @@ WITHOUT_FILE = frozenset({
 })  # fmt: skip
 # a file of the project in a sentence
 FILE = re.compile(r"config/[\w./@<>{}-]*\.\w+")
+# what to type in it, as a sentence gives it
+SUCH_AS = re.compile(rf"(?:, or)? in ({FILE.pattern}), such as `([^`]+)`")
 MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (docs/figures.md)
 
 
@@ -247,6 +249,9 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
         return replace(
             trouble, fix=Fix(_marks(setting), "subtract 1 from every frame", "the pose and the clock by them")
         )
+    if given := SUCH_AS.search(trouble.text):
+        text = trouble.text[: given.start()]
+        return replace(trouble, text=text, fix=Fix(given[1], given[2], trouble.text[given.end() :].strip()))
     named = FILE.search(trouble.text)
     file = named[0] if named else setting.file
     if trouble.code == "camera_bumped" and bumps.MARK in file:
@@ -305,8 +310,10 @@ def _nudged(offset: beside_boxes.Offset, setting: Setting, recording: str) -> Fi
 
 def where(trouble: Trouble, recorded: Iterable[str]) -> str:
     """In which recordings: "in all 4 recordings", "in walk_1 and walk_3", "in 5 of 12 recordings: walk_1, ...", "in
-    walk_1; the same in 4 of 12"."""
+    walk_1; the same in 4 of 12". `recorded`: of the trouble's camera; none where it is of whole walks."""
     names, whole = trouble.sequences, list(recorded)
+    if not whole:
+        return f"in {', '.join(names[:3])}{', ...' if len(names) > 3 else ''}"
     if trouble.of:
         return f"in {trouble.of}; the same in {len(names)} of {len(whole)} recordings"
     if len(names) == len(whole):

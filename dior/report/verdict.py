@@ -32,7 +32,7 @@ def sentence(rows: Iterable[CameraRow]) -> str:
 
 
 def _told(row: CameraRow, trouble: Trouble) -> str:
-    where = troubles.where(trouble, [one.sequence for one in row.recordings] or trouble.sequences)
+    where = troubles.where(trouble, [one.sequence for one in row.recordings])
     about = " ".join(word for word in (row.session, row.camera) if word)
     why = one_line(trouble.text).rstrip(".")
     why = why if len(why) <= MOST_LETTERS else f"{why[:MOST_LETTERS]} [...]"

@@ -270,12 +270,16 @@ def test_what_a_comparison_tells_is_on_the_index_and_told_to_the_pages(capture, 
 def test_a_page_shows_what_a_comparison_tells(capture, tmp_path):
     out, moved = tmp_path / "report", tmp_path / "moved.findings.parquet"
     bumped = ("field/cam02", "error", "camera_bumped", "cam02 was <turned>")
-    tables.write_findings(moved, [bumped, ("outdoor_01", "warning", "high_error", "the error is high")])
+    asked = "who is it? Point, or in config/people/outdoor_01.yaml, such as `seeds: <u>` with the pixel of their middle"
+    others = [("outdoor_01", "warning", "high_error", "the error is high"), ("outdoor_01", "error", "subject", asked)]
+    tables.write_findings(moved, [bumped, *others])
     write(capture, out, findings=[moved])
     with chromium.opened() as browser:
         browser.open(out / "sequences/outdoor_01.html", ready="document.readyState === 'complete'")
         assert browser.run("document.querySelector('h1 .light').textContent") == "fix it"
-        assert browser.run("document.querySelector('#notes p').textContent") == "the error is high"
+        assert browser.run("document.querySelector('#notes p:not(.fix)').textContent") == "the error is high"
+        typed = "in config/people/outdoor_01.yaml type seeds: <u> with the pixel of their middle"
+        assert browser.run("document.querySelector('#notes .fix').textContent") == typed
         cell = "document.querySelector('[data-camera=cam02]')"
         assert browser.run(f"{cell}.className") == "cell bad"
         assert browser.run(f"{cell}.querySelector('li').textContent") == "cam02 was <turned>"

@@ -96,6 +96,13 @@ def test_who_is_followed_in_a_walk_is_behind_what_its_cameras_lack():
     assert one.code == "somebody_else" and one.fix.file == "config/people/w1.yaml"
 
 
+def test_what_a_sentence_gives_to_type_is_typed_and_told_once():
+    text = "who is the subject? Point at them, or in config/people/w1.yaml, such as `seeds: [{u: <u>}]` with the pixel"
+    [one] = troubles.of_camera([Recording("w1", "", (("look", "who_is_subject", text),))], Setting(""))
+    assert one.text == "who is the subject? Point at them"
+    assert one.fix == troubles.Fix("config/people/w1.yaml", "seeds: [{u: <u>}]", "with the pixel")
+
+
 def test_two_causes_are_both_told():
     given = {"cam02": [trouble("culprit_camera", "w1")], "cam03": [trouble("clock_contradicts", "w1")]}
     found = troubles.across(given, ["w1"])
@@ -106,6 +113,7 @@ def test_where_names_few_walks_and_counts_many():
     names = [f"w{i}" for i in range(12)]
     assert troubles.where(trouble("a", *names), names) == "in all 12 recordings"
     assert troubles.where(trouble("a", "w1"), ["w1"]) == ""
+    assert troubles.where(trouble("a", *names[:4]), []) == "in w0, w1, w2, ..."
     assert troubles.where(trouble("a", "w1", "w2"), names) == "in w1 and w2"
     assert troubles.where(trouble("a", *names[:4]), names) == "in 4 of 12 recordings: w0, w1, w2, ..."
 

@@ -46,7 +46,7 @@ def test_a_file_that_the_reason_names_is_not_named_twice():
 def test_what_is_about_a_whole_walk_is_told_too():
     walks = row("", troubles=[Trouble("bad", "world_scale", "the 3D has\nthe wrong size", ("lab_1",))])
     assert sentence([walks, row("cam01", "good")]) == (
-        "1 of 1 recordings are good. Fix it: lab: the 3D has the wrong size."
+        "1 of 1 recordings are good. Fix it: lab: the 3D has the wrong size (in lab_1)."
     )
 
 

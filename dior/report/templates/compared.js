@@ -13,6 +13,14 @@
     parent.insertBefore(element, parent.firstChild);
     return element;
   }
+  (told.fixes || []).slice().reverse().forEach(function (fix) {
+    var line = added(document.getElementById("notes"), "p", ""), where = fix[1] ? "in " + fix[1] : "in a shell";
+    line.className = "note fix";
+    line.textContent = (fix[0] ? fix[0] + ": " : "") + where + " type ";
+    line.appendChild(document.createElement("code")).textContent = fix[2];
+    if (fix[3]) line.appendChild(document.createElement("small")).textContent = " " + fix[3];
+  });
+  if (!told.cameras) return;
   lit(document.querySelector("h1 .light"), told);
   told.notes.slice().reverse().forEach(function (text) {
     added(document.getElementById("notes"), "p", text).className = "note";
