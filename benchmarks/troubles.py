@@ -1,42 +1,63 @@
 """Trouble is made in a capture that is right, what the report says first is typed, and it is run again: is it mended?
 
-usage: python -m benchmarks.troubles [CASE ...]      (all; each is two runs of a small capture)
+usage: python -m benchmarks.troubles [FOLDER] [CASE ...]      (all; each is two runs of a small capture)
+
+FOLDER, which has a "/", keeps each project twice, as it was and `<case>.typed`; benchmarks.report_pages looks at them.
 
 by_eye          the long-range camera is placed by eye, 0.3 degrees beside the person
 clock_indoors   a clock given by hand is off by a picture, indoors
 clock_outdoors  the same of a close camera outdoors
 clock_adjusted  the same in the walk that the session is adjusted with
 marks_from_1    the frames of an indoor camera's marks count from 1
+bump            a close camera is turned by half a degree after the second of four walks outdoors
+stranger        in one walk somebody else of the subject's size walks beside, and the detector gives both
 
-What is typed is read from the sentence that a run ends with, and typed as it stands. `before`, `after`: the mean
-distance of the labels from the truth, px, of the camera and walk where they are worst; that of the capture without
-trouble is in the first line.
+What is typed is read from the first trouble of the report's first page, and typed as it stands; for the subject's
+pixel, for which it has letters, that of the truth. `before`, `after`: the mean distance of the labels from the truth,
+px, of the camera and walk where they are worst, and the share of joints with a label where they are fewest; those of
+the capture without trouble are in the first line.
 """
 
 import csv
+import html
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import yaml
 
+from dior.body.names import MLKIT_33
 from dior.calibrate.align import aligned_pose
+from dior.geometry import covariance
 from dior.geometry.camera import project
-from dior.simulate import config, scene
+from dior.simulate import bystander, config, scene, simulate
 from dior.simulate import settings as levels
+from dior.simulate.body import Body
 from dior.simulate.clocks import clocks_of
+from dior.simulate.motion import motion_of
+from dior.tables import tables
 
 ROOT = Path(__file__).resolve().parents[1]
 SETTINGS = levels.from_dict({"subjects": 1, "sequences": 2, "duration_s": 5})
 A_PICTURE = 1 / SETTINGS.fps
 OFF_DEG = 0.3
-# "...; in config/offsets/walk.yaml: remove the line of cam02."
-TYPED = re.compile(r"; in (config/\S+): (.+?)\.?(?: \d+ more (?:is|are) in the report\.)?$")
+BUMP_DEG = 0.5
+OUTDOORS = {"subjects": 1, "duration_s": 5, "environments": ["outdoor"]}
+BUMPED = levels.from_dict(OUTDOORS | {"sequences": 4})
+FOLLOWED = levels.from_dict(OUTDOORS | {"sequences": 2, "detector": {"everybody": True}})
+HIPS = [MLKIT_33.index(f"{side}_hip") for side in ("left", "right")]
+# a trouble of the first page, and what it says to type: the file, "" for a command, what, and how
+TROUBLE = re.compile(r'<div class="trouble.*?</div>', re.S)
+FIX = re.compile(
+    r'<p class="fix">(?:<span class="file">(.*?)</span>|in a shell) <code>(.*?)</code>(?: <small>(.*?)</small>)?</p>'
+)
 
 
 def by_eye(folder):
@@ -76,6 +97,32 @@ def renumbered(path, by):
     path.write_text("\n".join([head, *lines]) + "\n")
 
 
+def bump(folder):
+    """A project of its own: cam02 stands elsewhere from the third walk on."""
+    config.write(BUMPED, folder / "config")
+    placed = scene._placed
+
+    def turned(settings, session, name):
+        one = placed(settings, session, name)
+        about_y = np.r_[0, np.radians(BUMP_DEG), 0, 0, 0, 0]
+        return replace(one, camera=covariance.moved(one.camera, about_y)) if name == "cam02" else one
+
+    for i, walk in enumerate(levels.sequences(BUMPED)):
+        with mock.patch.object(scene, "_placed", turned if i >= 2 else placed):
+            simulate.record(BUMPED, walk, folder / "results/simulate")
+
+
+def stranger(folder):
+    """A project of its own: in the second walk somebody of the subject's height walks, too."""
+    config.write(FOLLOWED, folder / "config")
+    first, second = levels.sequences(FOLLOWED)
+    simulate.record(FOLLOWED, first, folder / "results/simulate")
+    height = motion_of(FOLLOWED, second).height
+    with mock.patch.object(bystander, "Body", lambda _: Body(height)):
+        two = replace(FOLLOWED, bystander=1.0, bystander_walks=True)
+        simulate.record(two, second, folder / "results/simulate")
+
+
 CASES = {
     "by_eye": by_eye,
     "clock_indoors": clock("indoor_02"),
@@ -85,12 +132,36 @@ CASES = {
 }
 
 
-def typed(folder, file, what):
-    """Type `what` the report says into `file` of the project; False where it is no such sentence."""
+# those that make a project instead of changing the one that is right
+OWN = {"bump": bump, "stranger": stranger}
+
+
+def middle(folder, file, camera, frame):
+    """The subject's middle (u, v) px in a picture of the walk that a file of config/people is of."""
+    truth = tables.read(folder / f"results/simulate/truth/{Path(file).stem}/labels_2d.parquet", "labels_2d")
+    here = (truth["camera"] == camera) & (truth["frame"] == frame) & np.isin(truth["joint"], np.array(MLKIT_33)[HIPS])
+    return truth["u"][here].mean(), truth["v"][here].mean()
+
+
+def typed(folder, file, what, how):
+    """Type `what` the report says, and `how`, into `file` of the project or a shell; False where it is no such line."""
+    if not file:
+        subprocess.run(what, shell=True, cwd=folder, check=True)
+        return True
     path = folder / file
+    if asked := re.search(r"camera: (\w+), frame: (\d+), u: <u>, v: <v>", what):
+        u, v = middle(folder, file, asked[1], int(asked[2]))
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(what.replace("<u>", f"{u:.0f}").replace("<v>", f"{v:.0f}") + "\n")
+        return True
     lines = path.read_text().splitlines()
     key, _, value = what.partition(": ")
-    if what.startswith("remove the line of "):
+    if how == "a line more below adjust:":
+        below = next(i for i, line in enumerate(lines) if line.startswith("adjust:"))
+        path.write_text("\n".join([*lines[: below + 1], f"  {what}", *lines[below + 1 :]]) + "\n")
+    elif how == "one more of the sequences of align:":
+        path.write_text(re.sub(r"(?m)^(align:.*sequences: \[.*?)\]", rf"\1, {what}]", path.read_text()))
+    elif what.startswith("remove the line of "):
         path.write_text("\n".join(line for line in lines if not line.startswith(f"{what.split()[-1]}:")) + "\n")
     elif what == "subtract 1 from every frame":
         renumbered(path, -1)
@@ -102,38 +173,50 @@ def typed(folder, file, what):
 
 
 def run(folder):
-    """Run a project; the sentence that it ends with, and how far off (px) labels are where they are worst."""
+    """Run a project: what its report says first to type, [(file, what, how)], and in words how far off labels are where
+    they are worst, the share of joints that has one where they are fewest, and how many recordings are good."""
     command = [sys.executable, "-m", "dior", "run", str(folder)]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
     with open(folder / "results/evaluate/metrics.csv", newline="") as stream:
-        worst = max(
-            float(row["value"])
-            for row in csv.DictReader(stream)
-            if row["metric"] == "error_to_truth_2d" and row["sequence"] and row["camera"] and not row["joint"]
-        )
-    return (folder / "results/report/verdict.txt").read_text().strip(), worst
+        rows = [row for row in csv.DictReader(stream) if row["sequence"] and row["camera"] and not row["joint"]]
+    worst = max(float(row["value"]) for row in rows if row["metric"] == "error_to_truth_2d")
+    fewest = min(float(row["value"]) for row in rows if row["metric"] == "coverage")
+    first = TROUBLE.search((folder / "results/report/index.html").read_text())
+    fixes = [tuple(map(html.unescape, one)) for one in FIX.findall(first[0])] if first else []
+    good = (folder / "results/report/verdict.txt").read_text().partition(" recordings")[0]
+    return fixes, f"{worst:.2f} px, {100 * fewest:.0f} %, {good} good"
 
 
 def main():
-    names = sys.argv[1:] or list(CASES)
-    root = Path(tempfile.mkdtemp(prefix="dior-troubles-"))
+    root, names = None, sys.argv[1:]
+    if names and "/" in names[0]:
+        root, names = Path(names[0]), names[1:]
+    if root is None:
+        with tempfile.TemporaryDirectory(prefix="dior-troubles-") as made:
+            return show(Path(made), names)
+    return show(root, names)
+
+
+def show(root, names):
+    """Print the table, with the projects below `root`."""
     config.write(SETTINGS, root / "right/config")
-    said, worst = run(root / "right")
-    print(f"without trouble: {said} {worst:.2f} px where it is worst")
-    print(f"{'trouble':<16}{'before':>8}{'after':>8}  typed", flush=True)
-    for name in names:
-        folder = root / name
-        shutil.copytree(root / "right", folder, symlinks=True)
-        CASES[name](folder)
-        said, before = run(folder)
-        found = TYPED.search(said)
-        if found and typed(folder, *found.groups()):
-            _, after = run(folder)
-            print(f"{name:<16}{before:>8.2f}{after:>8.2f}  {found[1]}: {found[2]}", flush=True)
+    print(f"without trouble: {run(root / 'right')[1]}")
+    print(f"{'trouble':<16}{'before':<30}{'after':<30}typed", flush=True)
+    for name in names or [*CASES, *OWN]:
+        folder, after = root / name, root / f"{name}.typed"
+        if name in OWN:
+            OWN[name](folder)
         else:
-            print(f"{name:<16}{before:>8.2f}{'-':>8}  nothing that can be typed: {said}", flush=True)
-        shutil.rmtree(folder)
-    shutil.rmtree(root)
+            shutil.copytree(root / "right", folder, symlinks=True)
+            CASES[name](folder)
+        fixes, before = run(folder)
+        shutil.copytree(folder, after, symlinks=True)
+        done = [typed(after, *fix) for fix in fixes]
+        told = "; ".join(f"{file or 'in a shell'}: {what}" for file, what, _ in fixes)
+        if done and all(done):
+            print(f"{name:<16}{before:<30}{run(after)[1]:<30}{told}", flush=True)
+        else:
+            print(f"{name:<16}{before:<30}{'-':<30}nothing that can be typed: {told}", flush=True)
 
 
 if __name__ == "__main__":

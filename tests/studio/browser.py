@@ -61,7 +61,7 @@ def opened():
 
 @contextmanager
 def page(chromium, address, path="/", width=1440, height=900, dark=False):
-    """A page of the studio; an error in its console fails the test."""
+    """A page of the studio, or with no `path` any address; an error in its console fails the test."""
     context = chromium.new_context(
         viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light", accept_downloads=True
     )
@@ -69,7 +69,8 @@ def page(chromium, address, path="/", width=1440, height=900, dark=False):
     one.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
     one.on("pageerror", lambda error: said.append(str(error)))
     one.goto(address)
-    one.goto(address.partition("/?")[0] + path)
+    if path is not None:
+        one.goto(address.partition("/?")[0] + path)
     one.said = said
     yield one
     context.close()
