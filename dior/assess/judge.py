@@ -143,7 +143,7 @@ def _of_camera(view: View, walker: WalkerJoints, faults: list[Fault]) -> Row:
     faults = [*faults, *time_faults(time, view.fps)]
     # a camera whose lens or pose is wrong lies beside as well
     if bend.wrong and not {fault.code for fault in faults} & {"image_scale", "pose"}:
-        faults.append(_lens_fault(bend))
+        faults.append(_lens_fault(bend, drift_told=bool(np.isfinite(time.sigma_drift))))
     elif beside is not None and beside.wrong and not {fault.code for fault in faults} & {"image_scale", "pose"}:
         faults.append(_beside_fault(beside))
     return Row(view.camera.name, view.fps, time, beside, bend, tuple(faults))
@@ -198,14 +198,15 @@ def _of_all_times(rows: Sequence[Row]) -> list[Fault]:
     return []
 
 
-def _lens_fault(bend: lens.Lens) -> Fault:
+def _lens_fault(bend: lens.Lens, drift_told: bool) -> Fault:
     sized = []
     if bend.focal_wrong:
         sized.append(f"its focal length is {bend.focal:.3f} ± {bend.half_focal:.3f} times the calibration's")
     if bend.k1_wrong:
         sized.append(f"its k1 is {bend.k1:+.3f} ± {bend.half_k1:.3f} from the calibration's")
     text = f"its lens is wrong: {' and '.join(sized)}, {bend.edge_px:.0f} px at the edge; use its own intrinsics"
-    return Fault("lens", text)
+    # whoever goes along the picture at wrong times is where another lens would have them
+    return Fault("lens", text if drift_told else f"{text} (or its clock drifts: the recording is too short to tell)")
 
 
 def _beside_fault(beside: space.Beside) -> Fault:
