@@ -1,6 +1,6 @@
 """Pictures of finished reports, and what axe-core finds on their pages: the first page, a walk, its page in 3D.
 
-usage: python -m benchmarks.report_pages OUT PROJECT ...
+usage: python -m benchmarks.report_pages OUT PROJECT ...      (also the FOLDER of `benchmarks.report`)
 
 Each page at 1440, 1024 and 390 px, light and dark, OUT/<project>.<page>.<width>.<light|dark>.png, the first three
 screens of it. The table says by which rules it cannot be read by everybody, how much wider than the window it is, and
@@ -20,7 +20,7 @@ DETAILS = "document.querySelector('details.part')?.getBoundingClientRect().top +
 
 def pages(project):
     """{name: path} of the first page, of a walk outdoors if there is one, and of its 3D."""
-    report = Path(project) / "results/report"
+    report = next(path for path in (Path(project) / "results/report", Path(project) / "report") if path.is_dir())
     walks = [path for path in sorted((report / "sequences").glob("*.html")) if not path.name.endswith(".3d.html")]
     walk = next((path for path in reversed(walks) if path.name.startswith("outdoor")), walks[-1])
     return {"index": report / "index.html", "walk": walk, "3d": walk.with_suffix(".3d.html")}

@@ -2,7 +2,7 @@
 
 INPUTS   cameras of a session; of each of its outdoor sequences the detections, timeline and swaps
 OUTPUTS  `camera_turns`: by which turn each camera, alone, would agree better in a sequence than in the others; findings
-         that name the camera and the first sequence after a change
+         that name the camera and the first sequence after a change, in the sequences whose labels it draws aside
 For every walk the bundle's normal equations are reduced to one camera (Hartley and Zisserman A6.3, p. 608): the points
 may give way, so that a camera that moved is not hidden by the points that it pulled along. A detector's offsets, which
 depend on the joint and on the side of the body that a camera sees, are no motion: only equal joints and headings are
@@ -211,12 +211,14 @@ def run(
     timelines: list[Path],
     swaps: list[Path],
     min_score: float,
+    adjusted: list[str],
     out: Path,
     findings: Path,
 ) -> None:
     """Write the corrections of the cameras `names` in the `sequences` of a session, in order of recording.
 
-    `detections`, `timelines` and `swaps`: a file for each of the sequences.
+    `detections`, `timelines` and `swaps`: a file for each of the sequences; `adjusted`: those that the cameras were
+    adjusted with, if any.
     """
     placed = camera_tables.read_cameras(cameras)
     rig = [placed[name] for name in names]
@@ -244,7 +246,7 @@ def run(
     also = (
         [] if change is None else [sequences[s] for s, who in zip(told, wrong, strict=True) if who == (change.camera,)]
     )
-    tables.write_findings(findings, _findings(session, names, [sequences[s] for s in told], change, also))
+    tables.write_findings(findings, _findings(session, names, [sequences[s] for s in told], change, also, adjusted))
 
 
 def _of_cameras(verdict: culprit.Verdict) -> bool:
@@ -269,9 +271,18 @@ def _row(known: Turn | None) -> tuple[float, ...]:
 
 
 def _findings(
-    session: str, names: Sequence[str], sequences: Sequence[str], change: Change | None, also: Sequence[str] = ()
+    session: str,
+    names: Sequence[str],
+    sequences: Sequence[str],
+    change: Change | None,
+    also: Sequence[str] = (),
+    adjusted: Sequence[str] = (),
 ) -> list[tuple[str, str, str, str]]:
-    """The finding of a change; `also`: the sequences in which `triangulate` named its camera as well."""
+    """The finding of a change; `also`: the sequences in which `triangulate` named its camera as well.
+
+    Where the cameras were `adjusted` with sequences on one side of it alone, their poses are right there, and it is a
+    finding of each sequence on the other side; else of the session.
+    """
     if change is None:
         return []
     name, first = names[change.camera], sequences[change.first]
@@ -284,4 +295,7 @@ def _findings(
     )
     if also:
         text += f"; that it does not belong to the others in {', '.join(also)} is the same fault"
-    return [(f"{session}/{name}", "error", "camera_bumped", text)]
+    sides = sequences[: change.first], sequences[change.first :]
+    right = [any(one in adjusted for one in side) for side in sides]
+    aside = [session] if right[0] == right[1] else sides[right.index(False)]
+    return [(f"{scope}/{name}", "error", "camera_bumped", text) for scope in aside]

@@ -115,13 +115,24 @@ def test_run_names_camera_and_sequence(tmp_path):
     assert table["turn_y"][first] == pytest.approx(-0.4, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("adjusted", "aside"),
+    [([], ["field"]), (["w1"], ["w3", "w4"]), (["w4"], ["w1", "w2"]), (["w2", "w3"], ["field"])],
+)
+def test_a_bump_draws_labels_aside_where_the_cameras_were_not_adjusted(adjusted, aside):
+    change = moved.Change(1, 2, 0.5, 10.0)
+    found = moved._findings("field", ["a", "b"], ["w1", "w2", "w3", "w4"], change, adjusted=adjusted)
+    assert [scope for scope, *_ in found] == [f"{where}/b" for where in aside]
+    assert len({text for *_, text in found}) == 1
+
+
 def run(folder, names, sequences):
     moved.run(
         session="field", sequences=sequences, names=names, cameras=[folder / "cameras.parquet"],
         detections=[folder / f"{s}.detections.parquet" for s in sequences],
         timelines=[folder / f"{s}.timeline.parquet" for s in sequences],
         swaps=[folder / f"{s}.swaps.parquet" for s in sequences],
-        min_score=0.3, out=folder / "turns.parquet", findings=folder / "findings.parquet",
+        min_score=0.3, adjusted=[], out=folder / "turns.parquet", findings=folder / "findings.parquet",
     )  # fmt: skip
 
 
