@@ -8,8 +8,8 @@ warning and error of a step and each figure of which a camera's light is not gre
 `red` are the labels that would be out of a release (`report.red_labels`). `true`: what the truth bears out is no false
 alarm, that somebody else alone was found, that a wall may hide a part of the body, that so many detections are wrong,
 that a walk towards the camera whose legs a wall hides does not tell its clock.
-Of recordings as such (`audit`, benchmarks/bag_faults.py), of pictures (`detections_on_pictures`,
-benchmarks/on_pictures.py) and of cameras that were bumped (`moved`, benchmarks/bumps.py) nothing is asked.
+Of recordings as such (`audit`, benchmarks/bag_faults.py) and of pictures (`detections_on_pictures`,
+benchmarks/on_pictures.py) nothing is asked.
 """
 
 import os
@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks import steps, worlds
 from dior.errors import DiorError
-from dior.evaluate import evaluate
+from dior.evaluate import evaluate, moved
 from dior.report import lights, red_labels
 from dior.tables import tables
 
@@ -38,6 +38,9 @@ def said(made):
     for name in made.project.sequences:
         worlds.said(made, name)
         yield from _lights(made, name)
+    for session in made.project.sessions:
+        if made.project.window(session):
+            _moved(made, session)
     worlds.reference_run(made)
     results = made.folder / "results"
     # a folder that begins with a point holds sums
@@ -47,6 +50,19 @@ def said(made):
             if severity != "info":
                 true = "true " if _borne_out(made, scope, code, text) else ""
                 yield true + code, f"{step} {severity}, {scope}", text
+
+
+def _moved(made, session):
+    """What is said of its cameras from walk to walk."""
+    names, close = made.project.sequences_of(session), made.project.close(session)
+    moved.run(
+        session=session, sequences=names, names=close, cameras=[made.made("adjust", session)],
+        detections=[made.made("triangulate", name, ".detections") for name in names],
+        timelines=[made.made("timeline", name) for name in names],
+        swaps=[made.made("triangulate", name, ".swaps") for name in names],
+        min_score=made.project.config["detector"]["min_score"], adjusted=sorted(made.project.window(session)),
+        out=made.made("moved", session), findings=made.made("moved", session, ".findings"),
+    )  # fmt: skip
 
 
 def _borne_out(made, scope, code, text):
