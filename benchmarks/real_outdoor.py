@@ -92,10 +92,17 @@ def cam04_score(points, cameras, joints):
         return subprocess.run([sys.executable, tool, path], capture_output=True, text=True, check=True).stdout.strip()
 
 
-def robust_points(data, cameras):
-    """3D (100, 33, 3) of ML Kit in cam01-cam03 by the default method, what was exchanged (3, 100, 33), the joints."""
+def detected(data, tool, names=CAMERAS):
+    """Pixels (V, 100, J, 2) and scores (V, 100, J) of OpenPose or ML Kit, and the joints."""
+    if tool == "OpenPose":
+        return stack(openpose, [data / f"openpose_single/{name}" for name in names])
+    return stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in names])
+
+
+def robust_points(data, cameras, tool="ML Kit"):
+    """3D (100, J, 3) of a detector in cam01-cam03 by the default method, what was exchanged (3, 100, J), the joints."""
     close = cameras[:3]
-    uv, score, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in CAMERAS[:3]])
+    uv, score, joints = detected(data, tool, CAMERAS[:3])
     score = np.where(score >= 0.3, score, 0.0)
     score = np.where(robust.strangers(close, uv, score, FPS, swap_index(joints))[..., None], 0.0, score)
     swapped = find_exchanged(close, uv, score, joints, FPS)
