@@ -8,6 +8,8 @@ Prints each figure beside the limit and, where there is one, what plain triangul
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +43,8 @@ CONFIDENT, HUBER_PX, MAX_GAP, BRIDGED_S, LENS_SIGMA = 0.4, 15.0, 1.5, 0.2, 0.003
 IN_95, IN_50 = 5.991, 1.386
 NOISES_PX = np.arange(0.0, 40.0, 0.1)
 BOXED_FRAMES = range(0, FRAMES, 5)
+# the latter so that the person is as tall as one 60 m from a camera of the paper
+SHRUNK = 16, 38
 BOXED = {"left_big_toe": "left_foot_index", "right_big_toe": "right_foot_index"}
 
 
@@ -228,18 +232,20 @@ def print_ellipses(data, cameras):
     return int(without), float(shares[noise_px])
 
 
-def print_unseen_from_boxes(data, cameras):
-    """cam04 from 20 boxes of its OpenPose joints, started where it stands and looking at where the person is."""
-    points, _, joints = robust_points(data, cameras)
-    uv, score, theirs = stack(openpose, [data / "openpose_single/cam04"])
+def from_boxes(data, cameras, points, joints, shrunk=1):
+    """cam04, its pictures made smaller by so much, fitted to 20 boxes of its OpenPose joints, in whole pixels where it
+    is shrunk, from where it stands and looking at where the person is: the true camera, the start, `Fitted`, and the
+    joints that both have, pixels (100, J, 2) and their places in `joints`."""
+    uv, score, theirs = detected(data, "OpenPose", CAMERAS[3:])
     # the joints that both detectors have: ML Kit has no crown and no neck, OpenPose no hands
     names = [BOXED.get(name, name) for name in theirs]
     other = [i for i, name in enumerate(names) if name in joints]
     own = [joints.index(names[i]) for i in other]
-    seen = np.where((score[0] > 0.3)[..., None], uv[0], np.nan)[:, other]
+    seen = np.where((score[0] > 0.3)[..., None], uv[0], np.nan)[:, other] / shrunk
+    drawn = np.round(seen) if shrunk > 1 else seen
     edges = np.full((FRAMES, 4), np.nan)
-    edges[BOXED_FRAMES] = np.concatenate([np.nanmin(seen, axis=1), np.nanmax(seen, axis=1)], axis=1)[BOXED_FRAMES]
-    true = cameras[3]
+    edges[BOXED_FRAMES] = np.concatenate([np.nanmin(drawn, axis=1), np.nanmax(drawn, axis=1)], axis=1)[BOXED_FRAMES]
+    true = replace(cameras[3], intrinsics=smaller(cameras[3].intrinsics, shrunk))
     target = np.nanmean(points, axis=(0, 1))
     start = true.at(pose(look_at(true.centre, target), true.centre))
     fitted = boxes_fit.fit(
@@ -250,6 +256,21 @@ def print_unseen_from_boxes(data, cameras):
         ),
         "real_outdoor",
     )
+    return true, start, fitted, seen, own
+
+
+def smaller(lens, by):
+    """The lens of pictures that are made smaller."""
+    size = lens.width // by, lens.height // by
+    return replace(
+        lens, width=size[0], height=size[1], fx=lens.fx / by, fy=lens.fy / by, cx=(lens.cx + 0.5) / by - 0.5,
+        cy=(lens.cy + 0.5) / by - 0.5,
+    )  # fmt: skip
+
+
+def print_unseen_from_boxes(data, cameras):
+    points, _, joints = robust_points(data, cameras)
+    true, start, fitted, _, _ = from_boxes(data, cameras, points, joints)
     others = np.where(np.isin(np.arange(FRAMES), BOXED_FRAMES)[:, None, None], np.nan, points)
     print("cam04 from boxes on frames 0, 5, ... 95, the other 80 (limit: mean 25, median 22)")
     for name, camera in (("reference", true), ("start: tape, look-at", start), ("from 20 boxes", fitted.camera)):
@@ -260,6 +281,24 @@ def print_unseen_from_boxes(data, cameras):
         f"degrees from the reference, margins {fitted.values[7]:.1f}, {fitted.values[8]:.1f} px, "
         f"edges {fitted.sd_px:.1f} px sd"
     )
+
+
+def print_long_range(data, cameras):
+    """cam04 as a long-range camera: its pictures shrunk, its detections at full size as the truth."""
+    for tool, shrunk in product(("OpenPose", "ML Kit"), SHRUNK):
+        points, _, joints = robust_points(data, cameras, tool)
+        joints = [BOXED.get(name, name) for name in joints]
+        true, start, fitted, seen, own = from_boxes(data, cameras, points, joints, shrunk)
+        tall = np.nanmedian(np.nanmax(seen[..., 1], axis=1) - np.nanmin(seen[..., 1], axis=1))
+        print(
+            f"cam04 shrunk by {shrunk}, the person {tall:.0f} px tall, 3D by {tool}: labels against its full-size "
+            "OpenPose detections, px of the small picture"
+        )
+        held_back = ~np.isin(np.arange(FRAMES), BOXED_FRAMES)
+        for name, camera in (("reference", true), ("start: tape, look-at", start), ("from 20 boxes", fitted.camera)):
+            off = np.linalg.norm(project(camera, points[:, own])[0] - seen, axis=-1)[held_back]
+            off = off[np.isfinite(off)]
+            print(f"  {name:<24}n {len(off)} mean {off.mean():.2f} median {np.median(off):.2f} px")
 
 
 def print_adjustment(data, cameras):
@@ -325,6 +364,7 @@ def main():
     print_unseen_camera(data, cameras)
     print_ellipses(data, cameras)
     print_unseen_from_boxes(data, cameras)
+    print_long_range(data, cameras)
     print_adjustment(data, cameras)
     print_starts(data, cameras)
 
