@@ -270,7 +270,7 @@ def _outdoors(
     most_s: float,
 ) -> dict[str, on_axis.Estimate]:
     from dior.calibrate.bundle import window
-    from dior.calibrate.clock import from_cameras
+    from dior.calibrate.clock import from_cameras, from_two_people
 
     reference = rig[0].name
     if seen is None or len(rig) < 2:
@@ -281,10 +281,16 @@ def _outdoors(
             for c in rig
         }
     found = window.recorded(rig, seen, pictures, detected.min_score, detected.max_gap, sequence, most_s)
-    if detected.everybody_seen:
-        alone, left_out = window.alone(found, rig, tables.read(detected.everybody_seen, "detected_people"))
-        found = alone if window.are_few(left_out, [found]) else found
     grid = instants(found.fps, max(own.elapsed[-1] for own in found.seen))
+    if detected.everybody_seen:
+        everybody = tables.read(detected.everybody_seen, "detected_people")
+        alone, left_out = window.alone(found, rig, everybody)
+        if window.are_few(left_out, [found]):
+            found = alone
+        elif said := from_two_people.from_two_people(
+            rig, found.seen, found.names, everybody, detected.min_score, grid, found.fps
+        ):
+            return said
     return from_cameras.from_detections(rig, found.seen, found.names, grid, found.fps)
 
 
