@@ -222,9 +222,9 @@ def test_gait_formats_leave_suspect_recordings_out(exported):
     assert {key for key, n in kept.items() if not n} >= {("walk_1", "cam02"), ("walk_3", "cam01"), ("walk_3", "cam02")}
     assert kept["walk_1", "cam01"] > 0
     pickles = {path.name for path in exported.rglob("*.pkl")}
-    assert {"walk_1.cam02.pkl", "walk_3.cam01.pkl", "walk_3.cam02.pkl"}.isdisjoint(
+    assert {"03-walk_1.cam02.pkl", "03-walk_3.cam01.pkl", "03-walk_3.cam02.pkl"}.isdisjoint(
         pickles
-    ) and "walk_1.cam01.pkl" in pickles
+    ) and "03-walk_1.cam01.pkl" in pickles
     with (exported / "opengait/sequences.csv").open() as stream:
         kept = {(row["sequence"], row["camera"]): int(row["kept"]) for row in csv.DictReader(stream)}
     assert kept["walk_1", "cam02"] == kept["walk_3", "cam01"] == 0
