@@ -17,12 +17,13 @@ complained about.
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 from dior.errors import DiorError, Faults
 from dior.paths import AnyPath
-from dior.project import bumps, cross_checks, licenses, sessions, todos
+from dior.project import bumps, cross_checks, licenses, publication, sessions, todos
 from dior.project.consent import consents, processed
 from dior.project.contents import Project
 from dior.project.schema_check import Row, Rows, check, columns_of, read_sheet, read_yaml
@@ -62,6 +63,7 @@ def as_far_as_it_goes(
         check(config, "config", "config/config.yaml")
         cross_checks.check_config(config)
         licenses.check(config["release"], root)
+        publication.check(config["release"])
     with faults.kept():
         (rows, lines), (people, _) = sheets(root)
     with faults.kept():
@@ -202,5 +204,10 @@ def _optional_sheet(
 
 
 def _plain(mapping: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy made of plain dicts, so that filling in defaults leaves the caller's config alone."""
-    return {k: _plain(v) if isinstance(v, dict) else v for k, v in mapping.items()}
+    """A copy made of plain dicts, so that filling in defaults leaves the caller's config alone.
+
+    Snakemake makes a day of what looks like one, and the schema knows text.
+    """
+    return {
+        k: _plain(v) if isinstance(v, dict) else v.isoformat() if isinstance(v, date) else v for k, v in mapping.items()
+    }

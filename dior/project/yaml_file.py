@@ -165,5 +165,11 @@ def _loader() -> "type[yaml.SafeLoader]":
             first[key.value] = line
         return loader.construct_mapping(node, deep=True)
 
+    def day(loader: "yaml.SafeLoader", node: "yaml.ScalarNode") -> str:
+        """Text as it stands, since no schema has a type for it; raises for what is no day."""
+        loader.construct_yaml_timestamp(node)
+        return node.value
+
     Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
+    Loader.add_constructor("tag:yaml.org,2002:timestamp", day)
     return Loader

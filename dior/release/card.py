@@ -6,7 +6,7 @@ INPUTS   the `release:` section of the config, released walks, what is counted i
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -97,7 +97,7 @@ def text(
         license_url=licenses.url(release["license"]),
         bibtex=citation.bibtex(release),
         summary=summary(walks, counted),
-        simulated=_simulated(rows),
+        simulated=simulated(rows),
         size=_size(counted),
         environments=_environments(rows),
         long_range=_long_range(counted),
@@ -141,7 +141,8 @@ def summary(walks: Walks, counted: Rows) -> str:
     return text + far
 
 
-def _simulated(rows: Rows) -> bool:
+def simulated(rows: Iterable[dict[str, Any]]) -> bool:
+    """Whether walks of a release are made up."""
     return any(row.get("truth") for row in rows)
 
 

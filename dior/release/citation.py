@@ -8,6 +8,7 @@ import re
 from typing import Any
 
 from dior.project import licenses
+from dior.project.publication import year_of
 from dior.release import escape
 
 MESSAGE = "If you use this dataset, please cite it as below."
@@ -32,10 +33,12 @@ def text(release: dict[str, Any]) -> str:
     lines = ["cff-version: 1.2.0", f"message: {_quoted(MESSAGE)}", "type: dataset", *_what(release)]
     if release["license"] in licenses.KNOWN:
         lines.append(f"license: {release['license']}")
-    if release["year"]:
-        # only a reference has a year of its own; the file itself asks for a day, which nobody told
+    if release["date"]:
+        lines.append(f"date-released: {_quoted(release['date'])}")
+    if year := year_of(release):
+        # only a reference has a year of its own; the file itself asks for a day, which not everybody tells
         lines += ["preferred-citation:", "  type: data", *(f"  {line}" for line in _what(release))]
-        lines.append(f"  year: {release['year']}")
+        lines.append(f"  year: {year}")
     return "\n".join(lines) + "\n"
 
 
@@ -56,7 +59,8 @@ def bibtex(release: dict[str, Any]) -> str:
     fields = {"title": f"{{{escape.bibtex(release['title'])}}}", "author": authors}
     fields |= {"note": f"version {release['version']}"}
     # a DOI stands as it is in BibTeX; its own characters are none of TeX's but _, which every style takes there
-    fields |= {key: re.sub(r"[\\{}\s]", "", str(release[key])) for key in ("year", "doi") if release[key]}
+    given = {"year": year_of(release), "doi": release["doi"]}
+    fields |= {key: re.sub(r"[\\{}\s]", "", str(value)) for key, value in given.items() if value}
     inner = ", ".join(f"{key} = {{{value}}}" for key, value in fields.items())
     return f"@misc{{dior-{release['version']}, {inner}}}"
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from dior.project import licenses
-from dior.release import citation, layout
+from dior.project import licenses, publication
+from dior.release import citation, layout, responsible
 from dior.release.layout import Part
 from dior.tables import tables
 from dior.tables.result_checksums import file_sha256
@@ -63,14 +63,15 @@ CONTEXT = {
 }
 
 
-def content(folder: Path, release: dict[str, Any], description: str) -> dict[str, Any]:
-    """The JSON-LD of the release in `folder`. `release`: the section of the config; `description`: one paragraph."""
+def content(folder: Path, release: dict[str, Any], description: str, simulated: bool) -> dict[str, Any]:
+    """The JSON-LD of the release in `folder`. `release`: the section of the config; `description`: one paragraph;
+    `simulated`: whether the people do not exist."""
     parts = layout.parts_of(folder)
     place = licenses.url(release["license"])
     found = {
         "@context": CONTEXT,
         "@type": "sc:Dataset",
-        "conformsTo": "http://mlcommons.org/croissant/1.1",
+        "conformsTo": ["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"],
         "name": release["title"],
         "description": description,
         "version": release["version"],
@@ -78,11 +79,11 @@ def content(folder: Path, release: dict[str, Any], description: str) -> dict[str
         "citeAs": citation.bibtex(release),
         "distribution": [_files(part, folder) for part in parts],
         "recordSet": [_records(part) for part in parts],
-    }
+    } | responsible.properties(release, {part.name for part in parts}, simulated)
     if release["authors"]:
         found["creator"] = [{"@type": "sc:Person", "name": name} for name in release["authors"]]
-    if release["year"]:
-        found["datePublished"] = str(release["year"])
+    if published := publication.published(release):
+        found["datePublished"] = published
     if release["doi"]:
         found["url"] = f"https://doi.org/{release['doi']}"
     return found

@@ -306,7 +306,7 @@ def _write_about(
     write_text(folder / "README.md", text)
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
-    described = croissant.content(folder, release, card.summary(walks, counted))
+    described = croissant.content(folder, release, card.summary(walks, counted), card.simulated(walks.values()))
     write_text(folder / "croissant.json", escape.json_in_page(_json(described)))
     write_text(folder / "provenance.json", _json(made_of))
 

@@ -210,7 +210,7 @@ Version 0.1.0. Licence: [CC0-1.0]({url}).
 
 
 ABOUT = {"title": "made up", "version": "0.1.0", "license": "CC0-1.0", "license_file": "", "authors": [], "doi": "",
-         "year": 0}  # fmt: skip
+         "year": 0, "date": ""}  # fmt: skip
 
 
 def summary(who=EVERYONE, labels_each=10):
@@ -332,7 +332,8 @@ def release(folder, who=EVERYONE):
     (folder / "metrics.csv").write_text(as_csv(shown))
     (folder / "LICENSE").write_text(licenses.text(ABOUT, ""))
     (folder / "CITATION.cff").write_text(citation.text(ABOUT))
-    (folder / "croissant.json").write_text(json.dumps(croissant.content(folder, ABOUT, summary(who))) + "\n")
+    section = ABOUT | {"faces": "shown", "shift_stamps": False}
+    (folder / "croissant.json").write_text(json.dumps(croissant.content(folder, section, summary(who), False)) + "\n")
     (folder / "provenance.json").write_text(json.dumps(provenance(who)) + "\n")
     checksums.write(folder)
     return folder

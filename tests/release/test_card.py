@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from dior.errors import DiorError
-from dior.project import licenses
+from dior.project import licenses, publication
 from dior.release import card, citation, transform
 from dior.tables import tables
 from tests.release.made import PSEUDONYM, RELEASE, build, sheets
@@ -22,6 +22,7 @@ FACTS = {
     "authors": [],
     "doi": "",
     "year": 0,
+    "date": "",
 }
 
 
@@ -119,6 +120,20 @@ def test_the_citation_is_yaml_with_people_and_names():
     assert found["preferred-citation"]["year"] == 2026 and found["preferred-citation"]["authors"] == people
     plain = yaml.safe_load(citation.text(FACTS))
     assert plain["authors"] == [{"name": "anonymous"}] and {"doi", "preferred-citation"} & set(plain) == set()
+
+
+def test_a_day_of_publication_is_told_and_another_year_is_refused():
+    given = FACTS | {"date": "2026-11-30"}
+    publication.check(given)
+    found = yaml.safe_load(citation.text(given).replace("date-released: ", "date-released: !!str "))
+    assert found["date-released"] == "2026-11-30" and found["preferred-citation"]["year"] == 2026
+    assert "year = {2026}" in citation.bibtex(given)
+    assert publication.published(given) == "2026-11-30" and publication.published(FACTS | {"year": 2025}) == "2025"
+    assert publication.published(FACTS) == ""
+    with pytest.raises(DiorError, match="'release.date' is 2026-11-30 and 'release.year' 2025; leave the year at 0"):
+        publication.check(given | {"year": 2025})
+    with pytest.raises(DiorError, match="'2026-02-30', which is no day"):
+        publication.check(given | {"date": "2026-02-30"})
 
 
 HOSTILE = (

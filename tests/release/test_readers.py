@@ -1,6 +1,7 @@
 """Others can read a release the same day: datasets, DuckDB, pandas and mlcroissant, without the network."""
 
 import io
+import json
 import os
 import re
 
@@ -10,7 +11,7 @@ import pytest
 import yaml
 
 from dior.tables import tables
-from tests.release.made import ROLES
+from tests.release.made import RELEASE, ROLES, build
 
 CONFIGS = {
     "labels_2d": 54, "skeletons_3d": 6, "frames": 27, "detections": 12, "boxes": 2, "marks": 3, "covers": 18,
@@ -93,6 +94,23 @@ def test_the_cards_lines_of_python_run(built, datasets, monkeypatch, tmp_path):
         exec(code, scope)
     assert scope["seen"]["u"]["nose"].tolist() == [0.0, 2.0, 4.0]
     assert len(scope["pictures"]) == 18 and set(scope["test"]["split"]) == {"subject"}
+
+
+def test_croissant_of_a_release_with_a_day_has_no_warning_and_tells_of_the_people(made, tmp_path):
+    import mlcroissant
+
+    out = build(made, config=made["config"] | {"release": RELEASE | {"date": "2026-11-30"}})
+    content = json.loads((out / "croissant.json").read_text())
+    assert content["datePublished"] == "2026-11-30"
+    assert "Gait is a biometric trait" in " ".join(content["rai:personalSensitiveInformation"])
+    assert "heads are blurred" in " ".join(content["rai:dataPreprocessingProtocol"])
+    dataset = mlcroissant.Dataset(str(out / "croissant.json"))
+    issues = dataset.metadata.ctx.issues
+    assert not issues.errors and not issues.warnings
+    assert dataset.metadata.date_published.date().isoformat() == "2026-11-30"
+    # every property that begins with rai: is one that the library knows, and is kept by it
+    kept = {key for key in dataset.metadata.to_json() if key.startswith("rai:")}
+    assert kept == {key for key in content if key.startswith("rai:")} and len(kept) >= 10
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from dior.project import licenses
+from dior.project import licenses, publication
 from dior.release import card, citation, croissant, layout
 from dior.release.verify.evidence import Evidence
 from dior.release.verify.folder_or_tarball import File
@@ -23,7 +23,17 @@ from dior.release.verify.walk_checks import Problem
 from dior.report.numbers import show
 from dior.tables.schemas import SCHEMAS
 
-CITED = ("title:", "version:", "license:", "doi:", "year:", "- name:", "- family-names:", "given-names:")
+CITED = (
+    "title:",
+    "version:",
+    "license:",
+    "doi:",
+    "year:",
+    "date-released:",
+    "- name:",
+    "- family-names:",
+    "given-names:",
+)
 FIGURES_HEADER = "| figure | tool | session | over | value | n |"
 # what the rounding to six digits in metrics.csv may do to a figure, as a share of it
 ROUNDED = 1e-5
@@ -36,7 +46,7 @@ def check(release: Evidence) -> list[Problem]:
     problems = [("provenance.json", text) for text in _provenance(release)]
     if not {"title", "version", "license"} <= settings.keys():
         return [*problems, ("provenance.json", "has no title, version or licence among its settings")]
-    about = {"authors": [], "doi": "", "year": 0, "license_file": ""} | settings
+    about = {"authors": [], "doi": "", "year": 0, "date": "", "license_file": ""} | settings
     files = release.files
     problems += [("LICENSE", text) for text in _licence(files["LICENSE"].read(), about)]
     problems += [("CITATION.cff", text) for text in _citation(files["CITATION.cff"].read(), about)]
@@ -185,7 +195,7 @@ def _croissant(content: dict[str, Any], about: dict[str, Any], release: Evidence
         "license": licenses.url(about["license"]) or about["license"],
         "citeAs": citation.bibtex(about),
         "creator": [{"@type": "sc:Person", "name": name} for name in about["authors"]] or None,
-        "datePublished": str(about["year"]) if about["year"] else None,
+        "datePublished": publication.published(about) or None,
         "url": f"https://doi.org/{about['doi']}" if about["doi"] else None,
     }
     for key, value in expected.items():
