@@ -13,6 +13,7 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 
+import dior
 from dior.body.names import COCO_17, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.ingest import mocap
@@ -277,11 +278,59 @@ def test_bids_has_what_the_specification_requires(made):
         ["0.4560", "0", "heel_strike_right", "46", "0.0200", "0.4160", "0.4960", "turn"],
     ]
     meaning = json.loads(stem.with_name(stem.name + "_events.json").read_text())
-    assert set(meaning) == set(events[0]) - {"onset", "duration", "sample"}
+    assert set(meaning) == set(events[0]) - {"onset", "duration"}
     assert {row["trial_type"] for row in events} <= set(meaning["trial_type"]["Levels"])
     scans = list(csv.DictReader((root / "sub-pa11/sub-pa11_scans.tsv").open(), delimiter="\t"))
     assert [row["sequence"] for row in scans] == ["walk_1"], "walk_2 was not captured with markers"
     assert (root / "sub-pa11" / scans[0]["filename"]).is_file()
+
+
+def cited(folder):
+    """The settings of a release that has authors, as its provenance.json has them."""
+    settings = {"title": "Walks", "version": "0.1.0", "license": "CC-BY-4.0", "authors": ["A, B.", "The Lab"],
+                "doi": "10.5281/zenodo.1"}  # fmt: skip
+    content = {"config": {f"release.{key}": value for key, value in settings.items()}}
+    (folder / "provenance.json").write_text(json.dumps(content))
+    return small.summed(folder)
+
+
+def test_bids_names_authors_licence_and_what_made_it(made, tmp_path):
+    release = cited(shutil.copytree(made[0], tmp_path / "r"))
+    exports.run(release=release, formats=["bids"], out=tmp_path / "out")
+    found = json.loads((tmp_path / "out/bids/dataset_description.json").read_text())
+    assert (found["Name"], found["Authors"], found["License"]) == ("Walks", ["A, B.", "The Lab"], "CC-BY-4.0")
+    assert found["DatasetDOI"] == "doi:10.5281/zenodo.1"
+    assert found["GeneratedBy"][0]["Name"] == "dior" and found["GeneratedBy"][0]["Version"] == dior.__version__
+    assert found["SourceDatasets"] == [{"DOI": "doi:10.5281/zenodo.1", "Version": "0.1.0"}]
+    sidecar = next((tmp_path / "out/bids/sub-pa11/motion").glob("*_motion.json"))
+    assert json.loads(sidecar.read_text())["TaskDescription"] == "Walking, by the pattern that the lab calls 'line'"
+    without = json.loads((made[1] / "bids/dataset_description.json").read_text())
+    assert without["Name"] == "dior-0.1.0" and not {"Authors", "License", "SourceDatasets"} & set(without)
+
+
+def validators():
+    """Commands that check a BIDS dataset: the one of PyPI and that of npm, where they are installed."""
+    names = ("bids-validator-deno", "bids-validator")
+    return [path for path in map(shutil.which, names) if path]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not validators(), reason="no BIDS validator: pip install bids-validator-deno, or npm install -g bids-validator"
+)
+@pytest.mark.parametrize("program", validators())
+def test_bids_validators_find_no_error(made, tmp_path, program):
+    release = cited(shutil.copytree(made[0], tmp_path / "r"))
+    exports.run(release=release, formats=["bids"], out=tmp_path / "out")
+    done = subprocess.run([program, "--json", tmp_path / "out/bids"], capture_output=True, text=True)
+    issues = json.loads(done.stdout)["issues"]
+    found = issues["issues"] if "issues" in issues else [*issues["errors"], *issues["warnings"]]
+    assert [issue for issue in found if issue["severity"] == "error"] == [], done.stderr
+    codes = {str(issue.get("key") or issue["code"]) for issue in found}
+    assert codes.isdisjoint({"NO_AUTHORS", "TOO_FEW_AUTHORS", "README_FILE_SMALL"})
+    missing = tmp_path / "out/bids/dataset_description.json"
+    missing.write_text(json.dumps({"Name": "no version"}))
+    assert subprocess.run([program, "--json", tmp_path / "out/bids"], capture_output=True).returncode, "it would say so"
 
 
 def test_two_builds_are_the_same_and_the_checksums_are_of_every_file(made, tmp_path):

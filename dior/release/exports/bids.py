@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
+import dior
 from dior.arrays import Floats, Table
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.release.exports.fixed_rate import AddWalk, regular
-from dior.release.exports.recordings import Body, Release, ReleasedWalk
+from dior.release.exports.recordings import Body, Release, ReleasedWalk, settings_of
 from dior.release.exports.writing import plain, write_json
 from dior.tables import tables
 from dior.tables.files import write_text
@@ -28,6 +29,7 @@ ABOUT = """\
 `bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`
 where a marker is missing. The task is the walk pattern, `acq` the outfit; `sub-<subject>_scans.tsv` says which file is
 which sequence. `*_events.tsv` has the heel strikes and toe offs, seconds after the first sample of the motion.
+`bids-validator-deno bids` (of PyPI) checks it.
 
 `pandas.read_csv("bids/sub-.../motion/sub-..._motion.tsv", sep="\\t", header=None, na_values="n/a")`
 """
@@ -35,8 +37,14 @@ which sequence. `*_events.tsv` has the heel strikes and toe offs, seconds after 
 VERSION = "1.10.0"
 SYSTEM = "omc"  # optical motion capture
 AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z up"
+README = """\
+Motion capture of the walks of {name}, made from that release alone: its card, README.md, says how the walks were
+recorded, how good the labels are, who may use them and what to cite.
 
-# the columns of events.tsv that the specification does not define
+Points are markers in metres. {axes}. sub-<subject>_scans.tsv says which file is which walk of the release.
+"""
+
+# the columns of events.tsv but for those that the specification demands
 EVENTS = {
     "trial_type": {
         "Description": "Gait event",
@@ -46,6 +54,7 @@ EVENTS = {
             for foot in FOOT
         },
     },
+    "sample": {"Description": "The sample of the motion that is nearest to the onset, from 0"},
     "sigma": {"Description": "Standard error of the onset", "Units": "s"},
     "low": {"Description": "95 % interval of the onset: its lower end", "Units": "s"},
     "high": {"Description": "95 % interval of the onset: its upper end", "Units": "s"},
@@ -132,6 +141,7 @@ def sidecar(walk: ReleasedWalk, rate: float, points: Floats) -> dict[str, Any]:
     count = points.shape[1]
     return {
         "TaskName": walk.walk or "walk",
+        "TaskDescription": "Walking" + (f", by the pattern that the lab calls '{walk.walk}'" if walk.walk else ""),
         "SamplingFrequency": rate,
         "SamplingFrequencyEffective": rate,
         "TrackingSystemName": SYSTEM,
@@ -143,14 +153,34 @@ def sidecar(walk: ReleasedWalk, rate: float, points: Floats) -> dict[str, Any]:
     }
 
 
+def described(release: Release) -> dict[str, Any]:
+    """dataset_description.json: what is known of title, authors, licence and DOI is from the release's settings."""
+    about = settings_of(release.folder)
+    known = {
+        "License": about.get("license"),
+        "Authors": about.get("authors"),
+        "DatasetDOI": f"doi:{about['doi']}" if about.get("doi") else "",
+    }
+    source = {"DOI": known["DatasetDOI"], "Version": about.get("version")}
+    return {
+        "Name": about.get("title") or release.folder.name,
+        "BIDSVersion": VERSION,
+        "DatasetType": "raw",
+        **{key: value for key, value in known.items() if value},
+        "GeneratedBy": [
+            {
+                "Name": "dior",
+                "Version": dior.__version__,
+                "Description": f"Exported from the release {release.folder.name}",
+            }
+        ],
+        **({"SourceDatasets": [{key: value for key, value in source.items() if value}]} if about else {}),
+    }
+
+
 def _about_all(folder: Path, release: Release, scans: dict[str, list[str]]) -> None:
-    write_json(
-        folder / "dataset_description.json",
-        {"Name": release.folder.name, "BIDSVersion": VERSION, "DatasetType": "raw"},
-    )
-    write_text(
-        folder / "README", f"Motion capture of {release.folder.name}, made from that release; its card says more.\n"
-    )
+    write_json(folder / "dataset_description.json", described(release))
+    write_text(folder / "README", README.format(name=release.folder.name, axes=AXES))
     people = tables.read(release.folder / "subjects.parquet", "subjects")
     heights = dict(zip(people["subject"], people["height_m"], strict=True))
     rows = ["participant_id\theight"]

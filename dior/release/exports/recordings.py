@@ -5,9 +5,11 @@ OUTPUTS  `Release` with its walks and recordings in order; labels, bodies and pi
 Nothing is read but the release, so that what is not in it is in no export.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +144,15 @@ def _parts(path: Path) -> dict[tuple[str, str, str], dict[str, str]]:
         for row in zip(*(t[key] for key in ("subject", "sequence", "camera", "split", "part")), strict=True):
             found.setdefault(row[:3], {})[row[3]] = row[4]
     return found
+
+
+def settings_of(folder: Path) -> dict[str, Any]:
+    """The `release:` section of the config that a release was made with, as provenance.json has it; {} without one."""
+    path = folder / "provenance.json"
+    if not path.is_file():
+        return {}
+    settings = json.loads(path.read_text(encoding="utf-8")).get("config", {})
+    return {key.removeprefix("release."): value for key, value in settings.items() if key.startswith("release.")}
 
 
 def labels_of(recording: Recording) -> Labels:
