@@ -30,6 +30,7 @@ COMMANDS = {
     "diff": "dior.release.diff.diff",
     "assess": "dior.assess.assess",
     "formats": "dior.cli.formats",
+    "publish": "dior.release.publish.publish",
     "export-cameras": "dior.release.export_cameras",
     "export": "dior.release.export_rrd",
     "forget": "dior.project.forget",

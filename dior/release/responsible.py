@@ -9,7 +9,7 @@ for) is in its licence and its own texts.
 from collections.abc import Collection
 from typing import Any
 
-import dior
+from dior import __version__
 
 COVERED = {
     "blurred": "heads are blurred",
@@ -41,7 +41,7 @@ def properties(release: dict[str, Any], parts: Collection[str], simulated: bool)
             "indoors, joints triangulated from detections of the close cameras outdoors. Each has the standard error "
             "that detections, poses and clocks leave open, null where it is not known."
         ),
-        "rai:machineAnnotationTools": [f"dior {dior.__version__}"],
+        "rai:machineAnnotationTools": [f"dior {__version__}"],
         "rai:dataBiases": (
             "The people, places, cameras and clothes of the lab that recorded. Of a person only the pseudonym and, "
             "where known, the height are in the data, so that nothing can be said of results by other groups."

@@ -161,7 +161,7 @@ def test_the_help_names_every_command_those_of_a_person_first(capsys):
     assert all(f"│ {name} " in steps for name in names)
     commands = (
         *("init", "check", "pseudonyms", "run", "verify", "diff", "assess", "formats"),
-        *("export-cameras", "forget", "trigger", "simulate", "train-reid"),
+        *("publish", "export-cameras", "forget", "trigger", "simulate", "train-reid"),
     )
     assert all(f"│ {name} " in typed for name in commands)
     assert "Exit codes: 0" in " ".join(text.split()) and "--install-completion" in typed

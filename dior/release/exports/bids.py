@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-import dior
+from dior import __version__
 from dior.arrays import Floats, Table
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
@@ -170,7 +170,7 @@ def described(release: Release) -> dict[str, Any]:
         "GeneratedBy": [
             {
                 "Name": "dior",
-                "Version": dior.__version__,
+                "Version": __version__,
                 "Description": f"Exported from the release {release.folder.name}",
             }
         ],
