@@ -4,7 +4,8 @@ INPUTS   the project's config; `labels_2d` and pictures (`released_frames`) per 
          gait, `frames`, `detections` and the checksums of the recordings per sequence, `marks`, `cameras` and
          `camera_covariance` of the sessions, `offsets` (clocks), `metrics` and `findings`, `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: the tables of layout.py, README.md (dataset card), LICENSE, CITATION.cff,
-         croissant.json, provenance.json, metrics.csv, card.jpg if a picture may be shown and, last, SHA256SUMS
+         croissant.json, provenance.json, metrics.csv, card.jpg if a picture may be shown, ro-crate-metadata.json if
+         there is a day or year of publication and, last, SHA256SUMS
 Units as in dior/tables/schemas/. A subject is its pseudonym in every path and column. Same input, same bytes: no clock,
 no names of machines or files. A subject who did not agree is in no file and no count. What a red light says is wrong
 has no place in it, unless the lab accepts it (suspect.py).
@@ -25,7 +26,7 @@ from dior.errors import DiorError
 from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv
 from dior.progress import reporting
-from dior.project import licenses
+from dior.project import licenses, publication
 from dior.project import project as projects
 from dior.release import cameras as rigs
 from dior.release import (
@@ -33,6 +34,7 @@ from dior.release import (
     card_picture,
     checksums,
     citation,
+    crate,
     croissant,
     escape,
     layout,
@@ -309,6 +311,10 @@ def _write_about(
     described = croissant.content(folder, release, card.summary(walks, counted), card.simulated(walks.values()))
     write_text(folder / "croissant.json", escape.json_in_page(_json(described)))
     write_text(folder / "provenance.json", _json(made_of))
+    if publication.published(release):
+        # of all that is there
+        crated = crate.content(folder, release, described["description"])
+        write_text(folder / crate.FILE, escape.json_in_page(_json(crated)))
 
 
 def _json(content: dict[str, Any]) -> str:

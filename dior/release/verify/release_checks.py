@@ -16,6 +16,7 @@ import numpy as np
 
 from dior.arrays import Table
 from dior.errors import nearest
+from dior.release import crate
 from dior.release.verify import walk_checks
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import PARTS, Broken, Problem, WalkFindings
@@ -81,7 +82,7 @@ def about(
         problems += [("splits.parquet", text) for text in _splits(found["splits"], _recordings(names))]
     if "metrics.csv" in files:
         problems += [("metrics.csv", text) for text in _metrics(files["metrics.csv"], found)]
-    for path in ("croissant.json", "provenance.json"):
+    for path in ("croissant.json", "provenance.json", crate.FILE):
         if path in files:
             problems += [(path, text) for text in _json(files[path], listed)]
     return found, problems
@@ -206,12 +207,9 @@ def _json(file: File, listed: dict[str, str]) -> list[str]:
     """Whether it is JSON at all, and whether the checksums in it are those of SHA256SUMS."""
     try:
         content = json.loads(file.read())
-        files = [one for one in content.get("distribution", ()) if "sha256" in one]
-        return [
-            f"has another SHA-256 of {one['contentUrl']} than SHA256SUMS"
-            for one in files
-            if listed.get(one["contentUrl"]) != one["sha256"]
-        ]
+        described = (*content.get("distribution", ()), *content.get("@graph", ()))
+        files = [(one.get("contentUrl") or one["@id"], one["sha256"]) for one in described if "sha256" in one]
+        return [f"has another SHA-256 of {name} than SHA256SUMS" for name, sha in files if listed.get(name) != sha]
     except (ValueError, AttributeError, TypeError, KeyError) as error:
         return [f"is not the JSON that dior writes ({error})"]
 

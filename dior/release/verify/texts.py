@@ -1,6 +1,7 @@
 """What a release says of itself must be what it was made with and what it holds.
 
-INPUTS   `Evidence` (evidence.py): LICENSE, README.md, CITATION.cff, croissant.json, provenance.json and the tables
+INPUTS   `Evidence` (evidence.py): LICENSE, README.md, CITATION.cff, croissant.json, provenance.json and the tables, and
+         ro-crate-metadata.json where there is one
 OUTPUTS  problems as (path, sentence)
 Facts are compared and not wording, which another version of dior may change: licence, title, version, authors, DOI and
 year; the figures that the card shows; the tables, columns and types that Croissant describes.
@@ -16,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dior.project import licenses, publication
-from dior.release import card, citation, croissant, layout
+from dior.release import card, citation, crate, croissant, layout
 from dior.release.verify.evidence import Evidence
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem
@@ -52,7 +53,11 @@ def check(release: Evidence) -> list[Problem]:
     problems += [("CITATION.cff", text) for text in _citation(files["CITATION.cff"].read(), about)]
     problems += [("README.md", text) for text in _card(release, about)]
     content = json.loads(files["croissant.json"].read())
-    return problems + [("croissant.json", text) for text in _croissant(content, about, release)]
+    problems += [("croissant.json", text) for text in _croissant(content, about, release)]
+    if crate.FILE in files:
+        told = json.loads(files[crate.FILE].read())
+        problems += [(crate.FILE, text) for text in _crate(told, about, str(content.get("description")), files)]
+    return problems
 
 
 def _provenance(release: Evidence) -> Iterator[str]:
@@ -212,6 +217,25 @@ def _croissant(content: dict[str, Any], about: dict[str, Any], release: Evidence
             yield f"does not describe the table {part.name} with its columns and their types"
     for name in sorted(set(map(str, stated)) - {part.name for part in there}):
         yield f"describes a table {name} that the release does not have"
+
+
+def _crate(told: dict[str, Any], about: dict[str, Any], description: str, files: Mapping[str, File]) -> Iterator[str]:
+    """The release as a whole, its people and licence, and that it names no file that is not there."""
+    entities = {one.get("@id"): one for one in told.get("@graph", ())}
+    root = entities.get("./", {})
+    for key, value in crate.root_of(about, description).items():
+        if root.get(key) != value:
+            yield f"says {key} {_shown(root.get(key))}; provenance.json and croissant.json have {_shown(value)}"
+    licence = licenses.url(about["license"]) or "LICENSE"
+    if root.get("license") != {"@id": licence}:
+        yield f"says license {_shown(root.get('license'))}; provenance.json has {about['license']}"
+    people = [entities.get(one.get("@id"), {}).get("name") for one in root.get("author", ())]
+    if people != list(about["authors"]):
+        yield f"says author {_shown(people)}; provenance.json has {_shown(about['authors'])}"
+    names = {*files, *(f"{name.split('/')[0]}/" for name in files if "/" in name)}
+    for one in sorted(str(part.get("@id")) for part in root.get("hasPart", ())):
+        if one not in names:
+            yield f"names {one}, which the release does not have"
 
 
 def _is_of(part: layout.Part, name: str) -> bool:
