@@ -29,6 +29,8 @@ def run(release: Path, *, hub: str = "", zenodo: bool = False, yes: bool = False
     if bool(hub) == zenodo:
         raise DiorError("say where to: --hub and a dataset repository such as lab/walks, or --zenodo")
     listed = checksums.read(release)
+    if "sequences.parquet" not in listed:
+        raise DiorError(f"{release}: is no release, which has a sequences.parquet; name the folder dior-<version>")
     delivery = _delivery(release, listed, hub)
     _verified(delivery)
     if not yes and not _agreed(delivery.question):

@@ -8,6 +8,7 @@ import shutil
 import pytest
 
 from dior.cli import main
+from dior.release import checksums
 from dior.release.publish import to_zenodo
 from tests.release.publish.conftest import served
 
@@ -170,6 +171,10 @@ def test_what_is_wrong_before_anything_is_asked(release, monkeypatch, capsys, tm
         assert "say where to: --hub and a dataset repository such as lab/walks, or --zenodo" in capsys.readouterr().err
     assert publish(tmp_path, "--yes") == 1
     assert "no whole release" in capsys.readouterr().err
+    (tmp_path / "README.md").write_text("exports, say")
+    checksums.write(tmp_path)
+    assert publish(tmp_path, "--yes") == 1
+    assert "is no release, which has a sequences.parquet" in capsys.readouterr().err
 
 
 def test_a_damaged_release_and_tarballs_of_another_build_are_not_sent(release, zenodo, tmp_path, capsys):
