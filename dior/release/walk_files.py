@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from dior.arrays import Table
 from dior.errors import DiorError
@@ -23,6 +24,7 @@ from dior.evaluate import checks as hand_checks
 from dior.project import boxes as hand_boxes
 from dior.release import layout, shift_stamps, suspect
 from dior.tables import buffers, tables
+from dior.tables.files import written_whole
 from dior.tables.schemas import SCHEMAS
 
 # the table of each part about gait
@@ -73,7 +75,7 @@ def write(folder: Path, walk: dict[str, Any], sources: Sources, without_place: C
     for part, path in sources.gait.items():
         table = _own(tables.read_arrow(path, GAIT[part]), path, walk)
         out = folder / part / who / f"{name}.parquet"
-        tables.write_arrow(out, suspect.without_gait(table) if "" in without_place else table)
+        write_gait(out, suspect.without_gait(table) if "" in without_place else table)
     if sources.detections:
         _write_detections(sources.detections, walk, folder)
     for camera, path in sources.boxes.items():
@@ -128,6 +130,16 @@ def link(path: Path, out: Path) -> None:
         os.link(path, out)
     except OSError:
         shutil.copyfile(path, out)
+
+
+def write_gait(path: Path, table: pa.Table) -> None:
+    """Write a table about the gait, of which a walk may have no row: then it has no group of rows either, as `datasets`
+    stops at an empty one."""
+    if table.num_rows:
+        tables.write_arrow(path, table)
+        return
+    with written_whole(path) as part, pq.ParquetWriter(part, table.schema, compression="zstd"):
+        pass
 
 
 def _write_detections(path: Path, walk: dict[str, Any], folder: Path) -> None:

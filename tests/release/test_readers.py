@@ -10,11 +10,13 @@ import pandas as pd
 import pytest
 import yaml
 
+from dior.release import walk_files
 from dior.tables import tables
 from tests.release.made import RELEASE, ROLES, build
 
 CONFIGS = {
-    "labels_2d": 54, "skeletons_3d": 6, "frames": 27, "detections": 12, "boxes": 2, "marks": 3, "covers": 18,
+    "labels_2d": 54, "skeletons_3d": 6, "frames": 27, "detections": 12, "boxes": 2, "marks": 3,
+    "gait": 0, "gait_events": 0, "gait_steps": 0, "covers": 18,
     "cameras": 6, "camera_covariance": 8, "clocks": 9, "sequences": 3, "subjects": 2, "splits": 27,
 }  # fmt: skip
 
@@ -44,6 +46,10 @@ def test_datasets_loads_every_config_with_its_types(built, datasets, tmp_path):
     front = yaml.safe_load(card(out).split("---\n")[1])
     assert [part["config_name"] for part in front["configs"]] == list(CONFIGS)
     for name, rows in CONFIGS.items():
+        if not rows:
+            with pytest.raises(ValueError, match="corresponds to no data"):
+                datasets.load_dataset(str(out), name, cache_dir=str(tmp_path))
+            continue
         found = datasets.load_dataset(str(out), name, cache_dir=str(tmp_path))["train"]
         assert len(found) == rows, name
         kind = tables.metadata(next(out.glob(f"{name}/*/*.parquet"), out / f"{name}.parquet"))["dior_table"]
@@ -53,6 +59,20 @@ def test_datasets_loads_every_config_with_its_types(built, datasets, tmp_path):
     rig = datasets.load_dataset(str(out), "cameras", cache_dir=str(tmp_path))["train"]
     assert rig.features["wTc"] == datasets.List(datasets.Value("float64"), length=16)
     assert rig["wTc"][0] == np.eye(4).ravel().tolist() and rig["covariance"][1] is None
+
+
+def test_datasets_reads_gait_of_which_one_walk_has_none(datasets, tmp_path):
+    event = {
+        "subject": ["p"], "sequence": ["w"], "foot": ["left"], "event": ["toe_off"], "stamp_ns": [1], "instant": [1],
+        "time_s": [0.1], "sigma_s": [0.1], "low_s": [0.1], "high_s": [0.1], "reason": [""],
+    }  # fmt: skip
+    whole = tables.to_arrow("gait_events", event)
+    for name, table in (("a", whole.slice(0, 0)), ("b", whole)):
+        walk_files.write_gait(tmp_path / f"{name}.parquet", table)
+        assert len(tables.read(tmp_path / f"{name}.parquet", "gait_events")["foot"]) == table.num_rows
+    files = [str(tmp_path / f"{name}.parquet") for name in "ab"]
+    found = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path / "cache"))["train"]
+    assert len(found) == 1
 
 
 @pytest.mark.slow
