@@ -6,7 +6,8 @@ A skin marker is 2 to 10 cm from the joint centre, by an offset that is constant
 positions: Vicon's Plug-in-Gait guide. Three uses start from the mean of the nearest markers, and each needs another way
 from there to the joint:
 
-- the clocks (`joints`) take the mean as it is: its offset in the axes of the segment is one of their unknowns;
+- the clocks (`joints`) take the mean as it is: its offset in the axes of the segment is one of their unknowns, so that
+  the joint itself would not make them better (`python -m benchmarks.joint_centres`);
 - what the body hides (dior/body/visibility.py) shifts it inwards by a share of the stature: good to a few centimetres,
   it is known where a marker of the chest or the thigh lacks, and the limbs are thicker than its error;
 - COCO-17 (dior/body/coco17.py), which is released, builds the anatomical joint, and takes the mean only where the

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.joint_centres import WALK, plug_in_gait
 from dior.body.coco17 import HEAD, MARKER_DIAMETER_M, SHOULDER_DROP_M, WIDTHS_M, coco17
 from dior.body.names import COCO_17, MLKIT_33, PLUG_IN_GAIT_39
 from dior.simulate import settings
@@ -165,3 +166,18 @@ def test_distance_to_the_joint_centres_of_a_simulated_walk():
         assert max(error for name, error in mean.items() if name.endswith(part)) < most
     assert errors.mean() < 19
     assert motion.names == PLUG_IN_GAIT_39
+
+
+def test_distance_to_plug_in_gaits_joint_centres_of_a_real_walk(shared):
+    """That subject's widths were measured (knees 92 mm, ankles 53 mm); ours are an adult's."""
+    path = shared / "mocap" / WALK.name
+    if not path.is_file():
+        pytest.skip(f"there is no {path}")
+    markers, names, true = plug_in_gait(path)
+    points, _, rules = coco17(markers, names)
+    for joint, centre in true.items():
+        at = COCO_17.index(joint)
+        off = 1000 * np.linalg.norm(points[:, at] - centre, axis=-1)
+        assert np.isfinite(off).mean() > 0.9
+        assert rules[at] == ("bell" if joint.endswith("hip") else "chord")
+        assert np.nanpercentile(off, 95) < (30 if joint.endswith("hip") else 15), joint
