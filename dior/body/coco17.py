@@ -81,7 +81,7 @@ def coco17(xyz: Floats, names: Sequence[str]) -> tuple[Floats, Bools, tuple[str,
 
 
 def _hip(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
-    pelvis = _pelvis(at)
+    pelvis = pelvis_axes(at)
     if pelvis is None:
         return _near(joint, at, found)
     origin, axes, width = pelvis
@@ -105,7 +105,7 @@ def _leg(
     side = joint.split("_")[0]
     letter, outwards = SIDES[side]
     outer, on_segment = at.get(letter + marker), at.get(letter + wand)
-    upper, pelvis = found[f"{side}_{above}"][0], _pelvis(at)
+    upper, pelvis = found[f"{side}_{above}"][0], pelvis_axes(at)
     if outer is None or upper is None:
         return _near(joint, at, found)
     distance = (width + MARKER_DIAMETER_M) / 2
@@ -118,14 +118,14 @@ def _leg(
 
 def _shoulder(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     letter, _ = SIDES[joint.split("_")[0]]
-    marker, thorax = at.get(letter + "SHO"), _thorax(at)
+    marker, thorax = at.get(letter + "SHO"), thorax_axes(at)
     if marker is not None and thorax is not None:
         origin, axes = thorax
         return _chord(origin, marker, -axes[..., 2], SHOULDER_DROP_M + MARKER_DIAMETER_M / 2), "chord"
     if marker is None or not {"LSHO", "RSHO", "LASI", "RASI"} <= set(at):
         return _near(joint, at, found)
     width = np.linalg.norm(at["LSHO"] - at["RSHO"], axis=-1, keepdims=True)
-    return marker + SHOULDER_DROP * width * _unit((at["LASI"] + at["RASI"]) / 2 - marker), "drop"
+    return marker + SHOULDER_DROP * width * unit((at["LASI"] + at["RASI"]) / 2 - marker), "drop"
 
 
 def _elbow(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
@@ -148,8 +148,8 @@ def _elbow(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
         scale = distance / (uu * dd - ud * ud)
     in_plane = (scale * (dd - ud))[..., None] * up + (scale * (uu - ud))[..., None] * down
     rest = 1 - (in_plane * in_plane).sum(-1)
-    out_of_plane = np.sqrt(np.maximum(rest, 0.0))[..., None] * -outwards * _unit(np.cross(up, down))
-    return marker + distance * _unit(in_plane + out_of_plane), "hinge"
+    out_of_plane = np.sqrt(np.maximum(rest, 0.0))[..., None] * -outwards * unit(np.cross(up, down))
+    return marker + distance * unit(in_plane + out_of_plane), "hinge"
 
 
 def _head(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
@@ -172,7 +172,7 @@ def _near(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     return mean_of(at, markers), f"no_{lacking[0]}" if lacking else "marker"
 
 
-def _pelvis(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:
+def pelvis_axes(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:
     """Origin (..., 3) between LASI and RASI, axes (..., 3, 3) in columns and width (..., 1), or None."""
     if not {"LASI", "RASI"} <= set(at):
         return None
@@ -184,17 +184,17 @@ def _pelvis(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:
         return None
     origin = (at["LASI"] + at["RASI"]) / 2
     left = at["LASI"] - at["RASI"]
-    y = _unit(left)
-    z = _unit(np.cross(y, back - origin))
+    y = unit(left)
+    z = unit(np.cross(y, back - origin))
     return origin, np.stack([np.cross(y, z), y, z], axis=-1), np.linalg.norm(left, axis=-1, keepdims=True)
 
 
-def _thorax(at: dict[str, Floats]) -> tuple[Floats, Floats] | None:
+def thorax_axes(at: dict[str, Floats]) -> tuple[Floats, Floats] | None:
     """Origin (..., 3), half a marker behind CLAV, and axes (..., 3, 3) in columns, or None."""
     if not {"CLAV", "C7", "STRN", "T10"} <= set(at):
         return None
-    z = _unit(at["CLAV"] + at["C7"] - at["STRN"] - at["T10"])
-    x = _unit(_across(at["CLAV"] + at["STRN"] - at["C7"] - at["T10"], z))
+    z = unit(at["CLAV"] + at["C7"] - at["STRN"] - at["T10"])
+    x = unit(across(at["CLAV"] + at["STRN"] - at["C7"] - at["T10"], z))
     return at["CLAV"] - MARKER_DIAMETER_M / 2 * x, np.stack([x, np.cross(z, x), z], axis=-1)
 
 
@@ -203,8 +203,8 @@ def _band(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:
     if not {"LFHD", "RFHD", "LBHD", "RBHD"} <= set(at):
         return None
     front, back = (at["LFHD"] + at["RFHD"]) / 2, (at["LBHD"] + at["RBHD"]) / 2
-    x = _unit(front - back)
-    y = _unit(_across(at["LFHD"] + at["LBHD"] - at["RFHD"] - at["RBHD"], x))
+    x = unit(front - back)
+    y = unit(across(at["LFHD"] + at["LBHD"] - at["RFHD"] - at["RBHD"], x))
     return front, np.stack([x, y, np.cross(x, y)], axis=-1), np.linalg.norm(front - back, axis=-1, keepdims=True)
 
 
@@ -216,16 +216,16 @@ def _chord(centre: Floats, marker: Floats, toward: Floats, distance: float) -> F
     with np.errstate(invalid="ignore", divide="ignore"):
         cosine = distance / length
         sine = np.sqrt(1 - cosine * cosine)
-    return marker + distance * (cosine * _unit(line) + sine * _unit(_across(toward, line)))
+    return marker + distance * (cosine * unit(line) + sine * unit(across(toward, line)))
 
 
-def _across(vectors: Floats, line: Floats) -> Floats:
+def across(vectors: Floats, line: Floats) -> Floats:
     """The part of vectors (..., 3) at right angles to `line`."""
-    along = _unit(line)
+    along = unit(line)
     return vectors - (vectors * along).sum(axis=-1, keepdims=True) * along
 
 
-def _unit(vectors: Floats) -> Floats:
+def unit(vectors: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 

@@ -33,6 +33,7 @@ COMMANDS = {
     "publish": "dior.release.publish.publish",
     "export-cameras": "dior.release.export_cameras",
     "export": "dior.release.export_rrd",
+    "angles": "dior.release.angles.angles",
     "forget": "dior.project.forget",
     "trigger": "dior.ingest.trigger",
     "simulate": "dior.simulate.config",

@@ -319,6 +319,38 @@ class Walker:
             found |= self._arm(name, side, turn if side > 0 else turn - np.pi, shoulders, chest_axes)
         return found
 
+    def angles(self, t: Floats) -> dict[str, Floats]:
+        """Joint angles (T,) in degrees at times `t` (T,), s, by the names and signs of OpenSim's gait models.
+
+        Of the pelvis in the world by rotation, list and tilt; the others by flexion, adduction and rotation about axes
+        of the joint, 0 where the segments' axes are parallel. A knee is a hinge; of an ankle the third is not told.
+        """
+        from scipy.spatial.transform import Rotation
+
+        # forward, up, right
+        to = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+        axes = {name: Rotation.from_matrix(to @ one[1] @ to.T) for name, one in self.segments(t).items()}
+        yaw, list_, tilt = axes["pelvis"].as_euler("YXZ", degrees=True).T
+        found = {"pelvis_rotation": np.unwrap(yaw, period=360), "pelvis_list": list_, "pelvis_tilt": tilt}
+
+        def between(above: str, below: str, order: str) -> Floats:
+            turn = axes[above].inv() * axes[below]
+            return np.asarray(turn.as_euler(order, degrees=True).T)
+
+        lumbar = between("pelvis", "chest", "ZXY")
+        found |= {f"lumbar_{what}": a for what, a in zip(("extension", "bending", "rotation"), lumbar, strict=True)}
+        for side, end, sign in (("right", "r", 1), ("left", "l", -1)):
+            flexion, adduction, rotation = between("pelvis", f"{side}_thigh", "ZXY")
+            found |= {
+                f"hip_flexion_{end}": flexion,
+                f"hip_adduction_{end}": sign * adduction,
+                f"hip_rotation_{end}": sign * rotation,
+                f"knee_angle_{end}": -between(f"{side}_thigh", f"{side}_shank", "ZXY")[0],
+            }
+            dorsiflexion, turned, _ = between(f"{side}_shank", f"{side}_foot", "ZYX")
+            found |= {f"ankle_angle_{end}": dorsiflexion, f"ankle_rotation_{end}": sign * turned}
+        return found
+
     def _leg(self, name: str, side: int, phase: Floats, centre: Floats, pelvis: Floats) -> Segments:
         body = self.body
         hip = centre + pelvis @ np.array([0.0, side * body.half_hips, 0.0])

@@ -160,7 +160,7 @@ def test_the_help_names_every_command_those_of_a_person_first(capsys):
     names = {step.replace("_", "-") for step in MODULES} - {"simulate"}
     assert all(f"│ {name} " in steps for name in names)
     commands = (
-        *("init", "check", "pseudonyms", "run", "verify", "diff", "assess", "formats"),
+        *("init", "check", "pseudonyms", "run", "verify", "diff", "assess", "angles", "formats"),
         *("publish", "export-cameras", "forget", "trigger", "simulate", "train-reid"),
     )
     assert all(f"│ {name} " in typed for name in commands)

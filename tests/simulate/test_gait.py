@@ -98,3 +98,27 @@ def test_a_real_c3d_walks(shared):
     thigh = np.linalg.norm(joint(landmarks, "left_hip") - joint(landmarks, "left_knee"), axis=-1)
     assert 0.3 < thigh.mean() < 0.45 and thigh.std() < 0.02
     assert not real.seen(np.arange(0, 3, 0.01)).all()
+
+
+def test_joint_angles_are_those_between_the_joints():
+    """Signs: flexion and dorsiflexion forward and up, adduction and rotation inwards, of the pelvis up, right, left."""
+    body, t = body_of(settings.Settings(), "S01"), np.arange(0, 3, 0.02)
+    walker = Walker(body, half_length=20.0, until=4.0)
+    points, found = walker.at(t)[0], walker.angles(t)
+    hip, knee, ankle = (joint(points, f"left_{part}") for part in ("hip", "knee", "ankle"))
+    thigh, shank = knee - hip, ankle - knee
+    cosine = (thigh * shank).sum(axis=1) / np.linalg.norm(thigh, axis=1) / np.linalg.norm(shank, axis=1)
+    np.testing.assert_allclose(found["knee_angle_l"], np.rad2deg(np.arccos(cosine)), atol=1e-6)
+    # he walks along x, and in a walk that is straight the hip's flexion is almost the thigh's slope
+    np.testing.assert_allclose(found["hip_flexion_l"], np.rad2deg(np.arctan2(thigh[:, 0], -thigh[:, 2])), atol=3.0)
+    across = joint(points, "left_hip") - joint(points, "right_hip")
+    np.testing.assert_allclose(found["pelvis_rotation"], np.rad2deg(np.arctan2(-across[:, 0], across[:, 1])), atol=0.1)
+    np.testing.assert_allclose(
+        found["pelvis_list"], np.rad2deg(np.arcsin(across[:, 2] / (2 * body.half_hips))), atol=0.1
+    )
+    # a thigh whose knee is nearer to the middle than its hip is adducted, where the pelvis is level
+    level = np.abs(found["pelvis_list"]) < 0.3
+    for end, side, sign in (("l", "left", 1), ("r", "right", -1)):
+        inwards = sign * (joint(points, f"{side}_hip") - joint(points, f"{side}_knee"))[level, 1]
+        assert np.corrcoef(inwards, found[f"hip_adduction_{end}"][level])[0, 1] > 0.8
+    assert np.abs(found["pelvis_tilt"]).max() < 1e-6 and found["lumbar_extension"].mean() == pytest.approx(-3, abs=0.3)
