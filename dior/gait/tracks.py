@@ -5,16 +5,12 @@ OUTPUTS  `Tracks`; values and velocities at any times between the frames
 World with Z up, metres, seconds. Feet stand in the order left, right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dior.arrays import Bools, Floats
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 SIDES = ("left", "right")
 # the first of which all are there is taken; markers of Plug-in-Gait, then what detectors name
@@ -43,6 +39,9 @@ BRIDGED_S = 0.1
 PELVIS_BRIDGED_S = 0.5
 # velocities are differences over twice this; chosen: shorter is noise, longer blurs a foot that lands
 HALF_S = 0.02
+# of the inverse of the matrix with rows (1, 4, 1): the entry n beside the diagonal is this to the power n, times
+# 1 / sqrt(12); after so many the rest is below 1e-17
+SPLINE_POLE, SPLINE_REACH = 3**0.5 - 2, 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +127,36 @@ def known_at(seconds: Floats, known: Bools, times: Floats) -> Bools:
     return np.asarray(np.interp(times, seconds, known.astype(float)) > 0.999)
 
 
-def curve(seconds: Floats, values: Floats) -> "CubicSpline":
-    """A cubic spline through `values` (T, C) at `seconds` (T,), which goes on straight at its ends."""
-    from scipy.interpolate import CubicSpline
+def curve(seconds: Floats, values: Floats) -> Callable[[Floats], Floats]:
+    """The natural cubic spline through `values` (T, C) at evenly spaced `seconds` (T,): values (..., C) at times (...)
+    between the first and the last.
 
-    return CubicSpline(seconds, values, bc_type="natural")
+    Its own, as scipy.interpolate takes longer to import than all else that a walk's gait needs.
+    """
+    bends = _bends(values)
+
+    def at(times: Floats) -> Floats:
+        k = np.clip(np.searchsorted(seconds, times, side="right") - 1, 0, len(seconds) - 2)
+        after = ((times - seconds[k]) / (seconds[k + 1] - seconds[k]))[..., None]
+        before = 1 - after
+        line = before * values[k] + after * values[k + 1]
+        return np.asarray(line + ((before**3 - before) * bends[k] + (after**3 - after) * bends[k + 1]) / 6)
+
+    return at
+
+
+def _bends(values: Floats) -> Floats:
+    """Second derivatives (T, C) of a natural cubic spline through values (T, C), per square of the spacing.
+
+    They solve (1, 4, 1) b = 6 * second differences. Where the values go on point-symmetric to their ends, the inverse
+    is the same in every row, and the bends at the ends are 0 by themselves.
+    """
+    along = np.pad(values, ((SPLINE_REACH + 1,) * 2, (0, 0)), "reflect", reflect_type="odd")
+    differences = along[2:] - 2 * along[1:-1] + along[:-2]
+    kernel = SPLINE_POLE ** np.abs(np.arange(-SPLINE_REACH, SPLINE_REACH + 1)) / 12**0.5
+    bends = np.stack([np.convolve(6 * column, kernel, "valid") for column in differences.T], axis=-1)
+    bends[[0, -1]] = 0.0
+    return bends
 
 
 def velocity(seconds: Floats, values: Floats, times: Floats, half_s: float = HALF_S) -> Floats:

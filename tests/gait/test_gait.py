@@ -1,10 +1,14 @@
 """The step: from a table of joints to the tables of gait."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from dior.body.names import COCO_17, MLKIT_33
-from dior.gait import gait
+from dior.gait import gait, tracks
 from dior.reconstruct.triangulate import columns, write_skeleton
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
@@ -124,3 +128,22 @@ def test_the_same_input_gives_the_same_bytes(tmp_path, walker):
         made = {path.name: path.read_bytes() for path in sorted(tmp_path.glob("*.parquet"))}
         assert first in ({}, made)
         first = made
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 40, 3000])
+def test_curves_are_those_of_scipy(count):
+    seconds = np.arange(count) / 128
+    values = np.random.default_rng(count).standard_normal((count, 3)).cumsum(axis=0)
+    times = np.append(np.random.default_rng(1).uniform(0, seconds[-1], 198), seconds[[0, -1]]).reshape(-1, 2)
+    expected = CubicSpline(seconds, values, bc_type="natural")(times)
+    np.testing.assert_allclose(tracks.curve(seconds, values)(times), expected, rtol=0, atol=1e-12)
+
+
+def test_a_walks_gait_is_told_without_scipy(tmp_path, walker):
+    points, covariance = noisy(walker)
+    written(tmp_path, points, covariance=covariance)
+    flags = ["--sequence", "walk_1", "--subject", "S01", "--skeleton", "skeleton.parquet", "--out", "again.parquet"]
+    flags += ["--out-events", "e.parquet", "--out-steps", "s.parquet", "--findings", "f.parquet"]
+    code = f"import sys; from dior.cli.main import main; main({['gait', *flags]}); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert (tmp_path / "again.parquet").exists() and "scipy" not in done.stdout.split()
