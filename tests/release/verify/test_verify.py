@@ -133,7 +133,7 @@ def test_one_flipped_byte_in_each_kind_of_file(whole, made, verified):
     for path in sorted(path for path in made.rglob("*") if path.is_file()):
         name = path.relative_to(made).as_posix()
         kinds.setdefault(name.split("/")[0] if "/" in name else name, name)
-    assert len(kinds) == 6 + 1 + 14, "tables by person, their checksums, what is at the top"
+    assert len(kinds) == 9 + 1 + 14, "tables by person, their checksums, what is at the top"
     for name in sorted(set(kinds.values()) - {"SHA256SUMS"}):
         shutil.copy(whole / name, made / name)
         flipped(made / name, (made / name).stat().st_size // 2)
