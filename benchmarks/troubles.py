@@ -56,7 +56,7 @@ HIPS = [MLKIT_33.index(f"{side}_hip") for side in ("left", "right")]
 # a trouble of the first page, and what it says to type: the file, "" for a command, what, and how
 TROUBLE = re.compile(r'<div class="trouble.*?</div>', re.S)
 FIX = re.compile(
-    r'<p class="fix">(?:<span class="file">(.*?)</span>|in a shell) <code>(.*?)</code>(?: <small>(.*?)</small>)?</p>'
+    r'<p class="fix">(?:<span class="file">(.*?)</span>|in a shell)(?: ([^<]*?))? <(?:code|b)>(.*?)</(?:code|b)>'
 )
 
 
@@ -143,8 +143,9 @@ def middle(folder, file, camera, frame):
     return truth["u"][here].mean(), truth["v"][here].mean()
 
 
-def typed(folder, file, what, how):
-    """Type `what` the report says, and `how`, into `file` of the project or a shell; False where it is no such line."""
+def typed(folder, file, at, what):
+    """Type `what` the report says, and where `at`, into `file` of the project or a shell; False where it is no such
+    line."""
     if not file:
         subprocess.run(what, shell=True, cwd=folder, check=True)
         return True
@@ -156,10 +157,10 @@ def typed(folder, file, what, how):
         return True
     lines = path.read_text().splitlines()
     key, _, value = what.partition(": ")
-    if how == "a line more below adjust:":
+    if at == "in a line more below adjust:":
         below = next(i for i, line in enumerate(lines) if line.startswith("adjust:"))
-        path.write_text("\n".join([*lines[: below + 1], f"  {what}", *lines[below + 1 :]]) + "\n")
-    elif how == "one more of the sequences of align:":
+        path.write_text("\n".join([*lines[: below + 1], what, *lines[below + 1 :]]) + "\n")
+    elif at == "as one more of the sequences of align:":
         path.write_text(re.sub(r"(?m)^(align:.*sequences: \[.*?)\]", rf"\1, {what}]", path.read_text()))
     elif what.startswith("remove the line of "):
         path.write_text("\n".join(line for line in lines if not line.startswith(f"{what.split()[-1]}:")) + "\n")
@@ -173,7 +174,7 @@ def typed(folder, file, what, how):
 
 
 def run(folder):
-    """Run a project: what its report says first to type, [(file, what, how)], and in words how far off labels are where
+    """Run a project: what its report says first to type, [(file, at, what)], and in words how far off labels are where
     they are worst, the share of joints that has one where they are fewest, and how many recordings are good."""
     command = [sys.executable, "-m", "dior", "run", str(folder)]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
@@ -212,7 +213,7 @@ def show(root, names):
         fixes, before = run(folder)
         shutil.copytree(folder, after, symlinks=True)
         done = [typed(after, *fix) for fix in fixes]
-        told = "; ".join(f"{file or 'in a shell'}: {what}" for file, what, _ in fixes)
+        told = "; ".join(f"{file or 'in a shell'}: {what}" for file, _, what in fixes)
         if done and all(done):
             print(f"{name:<16}{before:<30}{run(after)[1]:<30}{told}", flush=True)
         else:

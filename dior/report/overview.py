@@ -7,7 +7,7 @@ OUTPUT   `CameraRow`s for templates/overview.html.j2; nothing is drawn or writte
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -164,14 +164,14 @@ def aside(table: Iterable[CameraRow]) -> set[tuple[str, str]]:
     }
 
 
-def typed(found: Iterable[CameraRow]) -> dict[str, list[tuple[str, str, str, str]]]:
-    """By sequence what the table says to type for it: camera, "" for the walk, and file, what and gain of a `Fix`."""
-    lines: dict[str, list[tuple[str, str, str, str]]] = {}
+def typed(found: Iterable[CameraRow]) -> dict[str, list[dict[str, Any]]]:
+    """By sequence what the table says to type for it: the fields of a `Fix`, and its `camera`, "" for the walk."""
+    lines: dict[str, list[dict[str, Any]]] = {}
     for row in found:
         for trouble in row.told:
             for fix in (trouble.fix, *trouble.also) if trouble.fix and trouble.fix.what else ():
                 for sequence in trouble.sequences:
-                    lines.setdefault(sequence, []).append((row.camera, fix.file, fix.what, fix.gain))
+                    lines.setdefault(sequence, []).append({"camera": row.camera} | asdict(fix))
     return lines
 
 

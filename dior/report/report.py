@@ -211,9 +211,7 @@ def _cards(
     return card, own
 
 
-def _script(
-    both: Iterable[tuple[dict[str, Any], dict[str, Any]]], typed: Mapping[str, list[tuple[str, str, str, str]]]
-) -> str:
+def _script(both: Iterable[tuple[dict[str, Any], dict[str, Any]]], typed: Mapping[str, list[dict[str, Any]]]) -> str:
     """What the pages of sequences load: what the index says more than they do, and what is to be typed."""
     told = {}
     for card, own in both:

@@ -73,6 +73,8 @@ WITHOUT_FILE = frozenset({
     "pictures_lost", "lost_pictures", "same_stamp", "same_picture", "subject_left_out", "error_to_truth_2d",
     "clock_unknown",
 })  # fmt: skip
+# the other camera that may have been bumped as well (`dior.evaluate.moved`)
+OR_ANOTHER = re.compile(r"\(or (\S+): that explains")
 # a file of the project in a sentence
 FILE = re.compile(r"config/[\w./@<>{}-]*\.\w+")
 # what to type in it, as a sentence gives it
@@ -82,12 +84,14 @@ MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (
 
 @dataclass(frozen=True)
 class Fix:
-    """What to type: `file` of the project, "" where it is a command, `what` to write there, "" where the sentence says
-    it, and what it brings."""
+    """What to type: `file` of the project, "" where it is a command, where `at` in it, `what` to write there, "" where
+    the sentence says it, and what it brings; `literal`: `what` is typed as it stands, else it says what to do."""
 
     file: str
     what: str = ""
     gain: str = ""
+    at: str = ""
+    literal: bool = False
 
 
 @dataclass(frozen=True)
@@ -176,8 +180,10 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
             continue  # it follows from another one
         poses = cause.code not in OF_WALK and window & set(cause.sequences)
         reach = None if poses else set(cause.sequences)
-        follows: list[tuple[str, str]] = []
-        level = cause.level
+        own = [one for one in found[camera] if one.code == DRAWN.get(cause.code)]
+        found[camera] = [one for one in found[camera] if one not in own]
+        follows = [(", ".join(one.sequences), one.text) for one in own]
+        level = lights.worst((cause.level, *(one.level for one in own)))
         for other, theirs in found.items():
             if other == camera:
                 continue
@@ -251,7 +257,9 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
         )
     if given := SUCH_AS.search(trouble.text):
         text = trouble.text[: given.start()]
-        return replace(trouble, text=text, fix=Fix(given[1], given[2], trouble.text[given.end() :].strip()))
+        return replace(
+            trouble, text=text, fix=Fix(given[1], given[2], trouble.text[given.end() :].strip(), literal=True)
+        )
     named = FILE.search(trouble.text)
     file = named[0] if named else setting.file
     if trouble.code == "camera_bumped" and bumps.MARK in file:
@@ -282,14 +290,19 @@ def _bumped(trouble: Trouble, setting: Setting, first: str) -> Trouble:
     stem = setting.file.removesuffix(".yaml").partition(bumps.MARK)[0]
     folder = stem.rpartition("/")[0]
     own = f"{stem}{bumps.MARK}{first}"
-    copied = Fix("", f"cp {stem}.yaml {own}.yaml", f"from {first} on the camera has a pose of its own")
+    gain = f"from {first} on the camera has a pose of its own"
+    if other := OR_ANOTHER.search(trouble.text):
+        gain += f"; if that does not mend it, take these lines back and do the same for {other[1]}"
+    copied = Fix("", f"cp {stem}.yaml {own}.yaml", gain, literal=True)
     if setting.says.get("locate") == "marks":
         return replace(
             trouble, fix=copied, also=(Fix(f"{own}.marks.csv", f"10-20 markers on each of 3 pictures of {first}"),)
         )
-    window = Fix(f"{folder}/session.yaml", f"{first}: {{}}", "a line more below adjust:")
+    gain = "the cameras are adjusted anew with this walk"
+    window = Fix(f"{folder}/session.yaml", f"  {first}: {{}}", gain, "in a line more below adjust:", literal=True)
     listed = [f"{own}.yaml" if file == f"{stem}.yaml" else file for file in setting.aligned]
-    aligned = [Fix(file, first, "one more of the sequences of align:") for file in listed]
+    gain = "it is aligned to the 3D, which the pose of the other changes"
+    aligned = [Fix(file, first, gain, "as one more of the sequences of align:", literal=True) for file in listed]
     return replace(trouble, fix=copied, also=(window, *aligned))
 
 
@@ -301,7 +314,8 @@ def _nudged(offset: beside_boxes.Offset, setting: Setting, recording: str) -> Fi
         what = f"nudge: {{{', '.join(f'{key}: {value:g}' for key, value in new.items())}}}"
         left = max(sigma for sigma, told in zip(offset.sigma, offset.told, strict=True) if told)
         instead = "instead of the nudge that is there, " if says.get("nudge") else ""
-        return Fix(setting.file, what, f"{instead}moves the labels onto the boxes, to ± {1.96 * left:.1f} px")
+        gain = f"{instead}moves the labels onto the boxes, to ± {1.96 * left:.1f} px"
+        return Fix(setting.file, what, gain, literal=True)
     if says.get("locate") == "align":
         what = "are all of them drawn around the subject, and at the right frames? And is the camera's tape right"
         return Fix(f"config/boxes/{recording}.csv", f"{what} ({setting.file})?")

@@ -46,4 +46,4 @@ def test_a_page_can_be_read(report, chromium, page, size, dark):
 def test_a_walk_says_on_its_own_page_what_to_type(report, chromium):
     with browser.page(chromium, (report / "sequences/indoor_01.html").as_uri(), None) as one:
         said = one.inner_text("#notes .fix")
-    assert said.startswith("cam02: in config/offsets/indoor_01.yaml type remove the line of cam02")
+    assert said.startswith("cam02: in config/offsets/indoor_01.yaml: remove the line of cam02")

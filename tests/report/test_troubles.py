@@ -100,7 +100,7 @@ def test_what_a_sentence_gives_to_type_is_typed_and_told_once():
     text = "who is the subject? Point at them, or in config/people/w1.yaml, such as `seeds: [{u: <u>}]` with the pixel"
     [one] = troubles.of_camera([Recording("w1", "", (("look", "who_is_subject", text),))], Setting(""))
     assert one.text == "who is the subject? Point at them"
-    assert one.fix == troubles.Fix("config/people/w1.yaml", "seeds: [{u: <u>}]", "with the pixel")
+    assert one.fix == troubles.Fix("config/people/w1.yaml", "seeds: [{u: <u>}]", "with the pixel", literal=True)
 
 
 def test_two_causes_are_both_told():
@@ -130,16 +130,26 @@ def test_a_wrong_clock_by_hand_is_behind_the_turn_that_it_makes_in_the_same_came
     assert one.fix.file == "config/offsets/w1.yaml" and one.fix.what == "remove the line of cam02"
 
 
+def test_a_wrong_clock_in_a_walk_of_the_adjustment_is_behind_the_turn_of_its_own_camera_in_others():
+    found = troubles.across({"cam02": [trouble("clock_contradicts", "w1"), trouble("camera_bumped", "w2")]}, ["w1"])
+    [one] = found["cam02"]
+    assert one.code == "clock_contradicts" and ("w2", "camera_bumped of w2") in one.follows
+
+
 def test_a_bump_says_all_that_is_to_be_typed():
     text = "cam02 was turned by 0.5 degrees; config/sessions/field/cam02@w3.yaml says where it stands"
     faults = (("bad", "camera_bumped", text),)
     folder = "config/sessions/field"
     tape = Setting(f"{folder}/cam02.yaml", {"locate": "tape"}, aligned=(f"{folder}/cam04.yaml",))
     [found] = troubles.of_camera([Recording(walk, "cam02", faults) for walk in ("w1", "w2", "w3")], tape)
+    assert "for cam01" not in found.fix.gain
+    doubt = ("bad", "camera_bumped", text.replace("cam02 was", "cam02 (or cam01: that explains nearly as much) was"))
+    [unsure] = troubles.of_camera([Recording("w3", "cam02", (doubt,))], tape)
+    assert unsure.fix.gain.endswith("take these lines back and do the same for cam01")
     typed = [(one.file, one.what) for one in (found.fix, *found.also)]
     assert typed == [
         ("", f"cp {folder}/cam02.yaml {folder}/cam02@w3.yaml"),
-        (f"{folder}/session.yaml", "w3: {}"),
+        (f"{folder}/session.yaml", "  w3: {}"),
         (f"{folder}/cam04.yaml", "w3"),
     ]
 

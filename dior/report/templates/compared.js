@@ -14,11 +14,11 @@
     return element;
   }
   (told.fixes || []).slice().reverse().forEach(function (fix) {
-    var line = added(document.getElementById("notes"), "p", ""), where = fix[1] ? "in " + fix[1] : "in a shell";
+    var line = added(document.getElementById("notes"), "p", ""), where = fix.file ? "in " + fix.file : "in a shell";
     line.className = "note fix";
-    line.textContent = (fix[0] ? fix[0] + ": " : "") + where + " type ";
-    line.appendChild(document.createElement("code")).textContent = fix[2];
-    if (fix[3]) line.appendChild(document.createElement("small")).textContent = " " + fix[3];
+    line.textContent = (fix.camera ? fix.camera + ": " : "") + where + (fix.at ? " " + fix.at : "") + (fix.literal ? " type " : ": ");
+    line.appendChild(document.createElement(fix.literal ? "code" : "b")).textContent = fix.what;
+    if (fix.gain) line.appendChild(document.createElement("small")).textContent = " " + fix.gain;
   });
   if (!told.cameras) return;
   lit(document.querySelector("h1 .light"), told);
