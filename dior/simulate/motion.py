@@ -35,7 +35,7 @@ LOOPS: dict[str, dict[str, Any]] = {
 @dataclass(frozen=True)
 class Motion:
     """A walk. `names` of the markers; `at(t)` gives landmarks and markers, `seen(t)` (T, M) where a marker was seen;
-    `contacts` of the feet with the floor, None where nobody knows them."""
+    `contacts` of the feet with the floor and joint `angles(t)` (T,) in degrees, None where nobody knows them."""
 
     names: tuple[str, ...]
     height: float
@@ -43,6 +43,7 @@ class Motion:
     seen: Callable[[Floats], Bools]
     lasts_s: float = np.inf
     contacts: Contacts | None = None
+    angles: Callable[[Floats], dict[str, Floats]] | None = None
 
 
 def mocap_lasts(settings: Settings) -> float:
@@ -103,6 +104,7 @@ def _motion(settings: Settings, sequence: Sequence) -> tuple[Motion, float]:
         walker.at,
         lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool),
         contacts=walker.contacts,
+        angles=walker.angles,
     )
     return motion, float(pattern.strides(speed, body.height) * pattern.quickness)
 

@@ -1,9 +1,9 @@
 """What is true of a simulated walk, and the tables that say so.
 
 INPUTS   settings and a sequence's name
-OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections,contacts}.parquet,
-         the last without rows where the motion is that of a C3D; of the second person, where everybody is detected,
-         second_{labels_2d,skeletons_3d}.parquet
+OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections,contacts,angles}
+         .parquet, the last two without rows where the motion is that of a C3D; of the second person, where everybody is
+         detected, second_{labels_2d,skeletons_3d}.parquet
 Indoors the joints are the markers and, after them, the landmarks; outdoors the landmarks. World metres, Z up; pixels
 as recorded.
 """
@@ -183,6 +183,7 @@ def write(
         _stacked(_detections(views[camera], done) for camera, done in found.items()),
     )
     tables.write(folder / "contacts.parquet", "contacts", _contacts(settings, sequence, motion, views))
+    tables.write(folder / "angles.parquet", "simulated_angles", _angles(settings, sequence, motion, views))
 
 
 def write_second(settings: Settings, sequence: Sequence, views: dict[str, View], folder: Path) -> None:
@@ -243,6 +244,20 @@ def _contacts(settings: Settings, sequence: Sequence, motion: Motion, views: dic
         "stamp_ns": t0 + np.round(known.seconds[rows] * 1e9).astype(np.int64),
         "x": known.heel[rows, 0],
         "y": known.heel[rows, 1],
+    }
+
+
+def _angles(settings: Settings, sequence: Sequence, motion: Motion, views: dict[str, View]) -> Table:
+    """The subject's joint angles at the instants of the truth."""
+    instants, (_, t0) = _instants(settings, sequence, views), clocks_of(settings, sequence)
+    found = motion.angles(instants) if motion.angles else {}
+    rows = len(found) * len(instants)
+    return {
+        "subject": np.full(rows, sequence.subject, object),
+        "sequence": np.full(rows, sequence.name, object),
+        "stamp_ns": np.repeat(t0 + np.round(instants * 1e9).astype(np.int64), len(found)),
+        "angle": np.tile(np.array(list(found), object), len(instants)),
+        "value": np.stack(list(found.values()), axis=-1).ravel() if found else np.empty(0),
     }
 
 

@@ -74,6 +74,20 @@ def test_the_truth_says_when_feet_touch_the_floor(tiny):
                 assert np.linalg.norm(heel[:2] - (x, y)) < 0.02 and heel[2] < 0.06
 
 
+def test_the_truth_says_joint_angles(tiny):
+    _, folder = tiny
+    for walk in ("indoor_01", "outdoor_01"):
+        true = tables.read(folder / f"truth/{walk}/angles.parquet", "simulated_angles")
+        points, joints = tables.grid(tables.read(folder / f"truth/{walk}/skeletons_3d.parquet", "skeletons_3d"), *"xyz")
+        stamps = np.unique(tables.read(folder / f"truth/{walk}/skeletons_3d.parquet", "skeletons_3d")["stamp_ns"])
+        knee = true["angle"] == "knee_angle_r"
+        np.testing.assert_array_equal(true["stamp_ns"][knee], stamps)
+        hip, at, ankle = (points[:, joints.index(f"right_{part}")] for part in ("hip", "knee", "ankle"))
+        cosine = ((at - hip) * (ankle - at)).sum(axis=1)
+        cosine = cosine / np.linalg.norm(at - hip, axis=1) / np.linalg.norm(ankle - at, axis=1)
+        np.testing.assert_allclose(true["value"][knee], np.rad2deg(np.arccos(cosine)), atol=0.05)
+
+
 def test_detections_are_the_truth_plus_the_noise_they_say(tiny):
     used, folder = tiny
     true = tables.read(folder / "truth/outdoor_01/labels_2d.parquet", "labels_2d")

@@ -172,4 +172,4 @@ def true_tables():
     """The tables of the truth of a sequence."""
     second = CONFIG["simulate"]["detector"]["everybody"] and CONFIG["simulate"].get("bystander")
     of_second = ["second_labels_2d", "second_skeletons_3d"] if second else []
-    return ["labels_2d", "skeletons_3d", "cameras", "detections", "contacts", *of_second]
+    return ["labels_2d", "skeletons_3d", "cameras", "detections", "contacts", "angles", *of_second]

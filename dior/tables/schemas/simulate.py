@@ -1,4 +1,4 @@
-"""Tables of dior.simulate: what the simulator did to a detection, and when feet touch the floor."""
+"""Tables of dior.simulate: what the simulator did to a detection, when feet touch the floor, and joint angles."""
 
 from dior.tables.words import FOOT, GAIT_EVENT
 
@@ -11,6 +11,13 @@ TABLES = {
         ("stamp_ns", "int64", "ns"),
         ("x", "float64", "m", "where the heel rests in that stance"),
         ("y", "float64", "m"),
+    ),
+    "simulated_angles": (
+        ("subject", "text"),
+        ("sequence", "text"),
+        ("stamp_ns", "int64", "ns"),
+        ("angle", "text", "", "by the name and sign of OpenSim's gait models"),
+        ("value", "float64", "deg"),
     ),
     "simulated_detections": (
         ("camera", "text"),
