@@ -1,0 +1,43 @@
+"""What the benchmark of planning reads out of a project: the longest chain, and what jobs of a kind take."""
+
+import json
+
+from benchmarks.planning import Job, jobs_of, longest, make_as_if_run, means, snakemake
+from dior.simulate import config, settings
+
+
+def test_the_longest_chain_is_the_one_that_takes_longest():
+    jobs = [
+        Job("frames", "w", (), ("f",)),
+        Job("mocap", "w", ("f",), ("m",)),
+        Job("detections", "w", ("f",), ("d",)),
+        Job("clocks", "w", ("m", "d", "a file of somebody's"), ("c",)),
+        Job("page", "w", ("c",), ("p",)),
+    ]
+    taken = {("frames", "w"): 1.0, ("mocap", "w"): 3.0, ("detections", "w"): 2.0, ("clocks", "w"): 1.0}
+    assert [job.step for job in longest(jobs, taken, "c")] == ["frames", "mocap", "clocks"]
+
+
+def test_what_a_job_takes_is_what_its_kind_took_and_the_simulation_nothing(tmp_path):
+    for step, unit, seconds in (
+        ("clocks", "indoor_01.cam01", 1.0),
+        ("clocks", "indoor_02.cam01", 2.0),
+        ("clocks", "outdoor_01", 6.0),
+        ("simulate", "indoor_01", 50.0),
+    ):
+        path = tmp_path / f"logs/{step}/{unit}.timing.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"cpu_s": seconds}))
+    assert means(tmp_path) == {
+        ("clocks", "indoor"): 1.5, ("clocks", "outdoor"): 6.0, ("clocks", ""): 3.0,
+        ("simulate", "indoor"): 0.0, ("simulate", ""): 0.0,
+    }  # fmt: skip
+    assert Job("locate", "lab_2.cam02", (), ()).kind == ("locate", "lab")
+
+
+def test_a_project_of_empty_files_has_nothing_left_to_do(tmp_path):
+    made = {"subjects": 1, "sequences": 1, "duration_s": 2.0, "environments": ["indoor"]}
+    config.write(settings.from_dict(made), tmp_path / "config")
+    make_as_if_run(tmp_path)
+    assert "Job stats" not in snakemake(tmp_path, "-n", "all")[0]
+    assert {"clocks", "locate", "page", "report"} <= {job.step for job in jobs_of(tmp_path)}
