@@ -211,11 +211,11 @@ def _camera(
         cells = _cells([cell["figures"]], [offset], [lag])
         link = f"sequences/{sequence}.html#{camera}"
         each.append(RecordingRow(sequence, link, light.level, light.word, cells, next(iter(light.reasons), "")))
-    aligned = tuple(
-        _file(project, session, name)
+    aligned = {
+        _file(project, session, name): listed
         for name, says in project.cameras(session).items()
-        if says.get("align", {}).get("sequences")
-    )
+        if (listed := says.get("align", {}).get("sequences"))
+    }
     setting = troubles.Setting(
         _file(project, session, camera), settings, stations.get(session, {}).get(camera), aligned
     )

@@ -123,13 +123,13 @@ class Recording:
 
 @dataclass(frozen=True)
 class Setting:
-    """Of a camera: its file, what it says, and where it stands, if that is known; `aligned`: the files of the session's
-    cameras that list the walks which they are aligned to."""
+    """Of a camera: its file, what it says, and where it stands, if that is known; `aligned`: the walks that cameras of
+    the session are aligned to, where they list them, by file."""
 
     file: str
     says: Mapping[str, Any] = field(default_factory=dict)
     camera: Camera | None = None
-    aligned: tuple[str, ...] = ()
+    aligned: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble]:
@@ -144,7 +144,9 @@ def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble
         level = lights.worst(level for _, level, _, _ in each)
         of, text = next((one.sequence, text) for one, own, text, _ in each if own == level)
         below = tuple(dict.fromkeys((one.sequence, text) for one, _, _, own in each for _, text in own))
-        alike = tuple((one.sequence, other) for one, _, other, _ in each if other != text)
+        others = [(one.sequence, other) for one, _, other, _ in each if other != text]
+        alike = tuple(one for one in others if one[0] != of)
+        below = (*(one for one in others if one[0] == of), *below)
         told = Trouble(level, code, text, names, follows=below, alike=alike, of=of if alike else "")
         found.append(_with_fix(told, recordings, setting))
     return sorted(found, key=lambda one: -lights.LEVELS.index(one.level))
@@ -300,9 +302,10 @@ def _bumped(trouble: Trouble, setting: Setting, first: str) -> Trouble:
         )
     gain = "the cameras are adjusted anew with this walk"
     window = Fix(f"{folder}/session.yaml", f"  {first}: {{}}", gain, "in a line more below adjust:", literal=True)
-    listed = [f"{own}.yaml" if file == f"{stem}.yaml" else file for file in setting.aligned]
+    lacking = [file for file, listed in setting.aligned.items() if first not in listed]
+    lacking = [f"{own}.yaml" if file == f"{stem}.yaml" else file for file in lacking]
     gain = "it is aligned to the 3D, which the pose of the other changes"
-    aligned = [Fix(file, first, gain, "as one more of the sequences of align:", literal=True) for file in listed]
+    aligned = [Fix(file, first, gain, "as one more of the sequences of align:", literal=True) for file in lacking]
     return replace(trouble, fix=copied, also=(window, *aligned))
 
 

@@ -472,9 +472,12 @@ def test_a_run_that_is_killed_20_times_goes_on_to_the_same_bytes(project, tmp_pa
                 os.killpg(run.pid, signal.SIGKILL)
             elif which == "snakemake":
                 run.kill()
-            else:
-                for process in (*jobs[0].children(recursive=True), jobs[0]) if jobs else ():
+            elif jobs:
+                for process in (*jobs[0].children(recursive=True), jobs[0]):
                     process.kill()
+            else:
+                # none at work just now: the run would go on to its end
+                run.kill()
             killed[which] += bool(jobs)
         if run.wait() == 0 or sum(killed.values()) == 20:
             break

@@ -140,7 +140,11 @@ def test_a_bump_says_all_that_is_to_be_typed():
     text = "cam02 was turned by 0.5 degrees; config/sessions/field/cam02@w3.yaml says where it stands"
     faults = (("bad", "camera_bumped", text),)
     folder = "config/sessions/field"
-    tape = Setting(f"{folder}/cam02.yaml", {"locate": "tape"}, aligned=(f"{folder}/cam04.yaml",))
+    tape = Setting(
+        f"{folder}/cam02.yaml",
+        {"locate": "tape"},
+        aligned={f"{folder}/cam04.yaml": ["w1"], f"{folder}/cam05.yaml": ["w1", "w3"]},
+    )
     [found] = troubles.of_camera([Recording(walk, "cam02", faults) for walk in ("w1", "w2", "w3")], tape)
     assert "for cam01" not in found.fix.gain
     doubt = ("bad", "camera_bumped", text.replace("cam02 was", "cam02 (or cam01: that explains nearly as much) was"))
@@ -194,3 +198,10 @@ def test_what_is_said_otherwise_of_another_walk_stands_with_that_walk():
     worse = [Recording("walk_1", "cam01", (("look", "high_error", "3.1 px"),)), says("walk_2", 3.4)]
     [found] = troubles.of_camera(worse, Setting("c.yaml"))
     assert (found.text, found.of, found.alike) == ("3.4 px", "walk_2", (("walk_1", "3.1 px"),))
+
+
+def test_two_sentences_of_one_walk_are_no_other_recordings():
+    faults = (("look", "clock_contradicts", "0.8 pictures off"), ("look", "clock_contradicts", "1.0 pictures off"))
+    [found] = troubles.of_camera([Recording("w1", "cam02", faults), Recording("w2", "cam02", ())], Setting("c.yaml"))
+    assert (found.alike, found.follows) == ((), (("w1", "1.0 pictures off"),))
+    assert troubles.where(found, ["w1", "w2"]) == "in w1"
