@@ -24,8 +24,8 @@ X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 _PELVIS = (("pelvis_rotation", Y), ("pelvis_list", X), ("pelvis_tilt", Z))
 _TRUNK = (("lumbar_extension", Z), ("lumbar_bending", X), ("lumbar_rotation", Y))
 SHIFTS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-# chosen: a tenth of that of OpenSim's tool takes twice as long and moves no angle by more than 0.3 degrees
-ACCURACY = 1e-4
+# chosen: with that of OpenSim's tool, 1e-5, turns about long axes end half a degree from where they would come to
+ACCURACY = 1e-6
 # chosen: a hip is known to a few centimetres only, and legs that hang in a wrong place would tilt the pelvis
 WEIGHT_OF_PELVIS = 10.0
 # of a locked coordinate; that of OpenSim's tool
