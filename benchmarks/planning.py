@@ -110,7 +110,7 @@ def edit(path, old, new):
     path.write_text(text)
 
 
-# what is mended -> how, in a project folder
+# what is mended -> how, in a project folder; the first walk and its person are those of the marks, which fix the poses
 FIXES = {
     "a mark of an indoor camera": lambda at: edit(at / "config/sessions/lab/cam02.marks.csv", r"\n[^\n]+\n$", "\n"),
     "the nudge of a long-range camera": lambda at: edit(
@@ -119,9 +119,9 @@ FIXES = {
     "the place of a close camera": lambda at: edit(
         at / "config/sessions/field/cam01.yaml", r"(sigma_m: \[?)[0-9.]+", r"\g<1>0.07"
     ),
-    "the clock of a camera in a walk": lambda at: write_offset(at / "config/offsets/indoor_01.yaml"),
+    "the clock of a camera in a walk": lambda at: write_offset(at / "config/offsets/indoor_02.yaml"),
     "triangulate.max_error_px": lambda at: edit(at / "config/config.yaml", r"(max_error_px: )[0-9.]+", r"\g<1>30.0"),
-    "a person withdraws": lambda at: edit(at / "config/subjects.tsv", r"(\nS01\t.*\t)yes\tyes", r"\g<1>no\tno"),
+    "a person withdraws": lambda at: edit(at / "config/subjects.tsv", r"yes\tyes(?=\s*$)", "no\tno"),
 }
 CODE = "dior/label/uncertainty.py"
 
