@@ -2,7 +2,8 @@
 
 import json
 
-from benchmarks.planning import Job, jobs_of, longest, make_as_if_run, means, snakemake
+from benchmarks.planning import FIXES, Job, jobs_of, longest, make_as_if_run, means, mended, snakemake
+from dior.project import project
 from dior.simulate import config, settings
 
 
@@ -41,3 +42,17 @@ def test_a_project_of_empty_files_has_nothing_left_to_do(tmp_path):
     make_as_if_run(tmp_path)
     assert "Job stats" not in snakemake(tmp_path, "-n", "all")[0]
     assert {"clocks", "locate", "page", "report"} <= {job.step for job in jobs_of(tmp_path)}
+
+
+def test_every_fix_is_one_and_is_taken_back(tmp_path):
+    config.write(settings.from_dict({"subjects": 2, "sequences": 1, "duration_s": 2.0}), tmp_path / "config")
+
+    def texts():
+        return {path: path.read_bytes() for path in (tmp_path / "config").rglob("*") if path.is_file()}
+
+    before = texts()
+    for fix in FIXES.values():
+        with mended(tmp_path, fix):
+            # one file, and the project is still one
+            assert len({*texts().items()} ^ {*before.items()}) in (1, 2) and project.load(tmp_path)
+        assert texts() == before
