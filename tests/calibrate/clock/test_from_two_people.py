@@ -13,7 +13,7 @@ LATE_S = (0.0, 0.41, -0.27)
 
 @pytest.fixture(scope="module")
 def walks():
-    return scene.make("ideal", seed=3, frames=240), scene.make("ideal", seed=3, frames=240, walk="along", take=1)
+    return scene.make("ideal", seed=3, frames=200), scene.make("ideal", seed=3, frames=200, walk="along", take=1)
 
 
 def recorded(walks, first):
@@ -71,6 +71,6 @@ def test_two_who_say_different_clocks_are_not_believed(walks):
 
 def test_somebody_in_few_pictures_is_no_second_person(walks):
     def few(who, view, uv):
-        return uv[:60] if who and view == 2 else uv
+        return uv[:40] if who and view == 2 else uv
 
     assert told(walks, everybody(walks, few)) is None
