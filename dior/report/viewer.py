@@ -51,8 +51,8 @@ PICTURES_BYTES, PER_S = 2_000_000, 120.0
 # of WebP, which looks better than JPEG at half the bytes; the first that fits
 QUALITIES = (70, 60, 50, 40, 30, 20, 10, 5, 1)
 TILE_BYTES = 20_000  # chosen: more than a small picture takes at the best of them, so that nothing has to be tried
-# of libwebp's 0-6; chosen: half the time of OpenCV's 4, and 6 % more bytes
-EFFORT = 2
+# of libwebp's 0-6; chosen: half the time of its usual 4, and 6 % more bytes; 4 where these are too many at any quality
+EFFORT, MORE_EFFORT = 2, 4
 SAFE = 0.95  # chosen: what the trials are trusted to, since a quality that does not fit is tried in vain
 WHOLE_QUALITY = 50  # chosen: compression hides nothing of what a label is a few pixels off from
 # a label in steps of an eighth of a pixel, a time in tenths of a millisecond, a ray's slope in parts of 16 000
@@ -271,8 +271,10 @@ def _encoded(tiles: Mapping[str, list[Picture]], most: float) -> dict[str, bytes
 
     surely = count * TILE_BYTES <= most
     first = 0 if surely else bisect_left(range(len(QUALITIES) - 1), True, key=fits)
-    for quality in QUALITIES[first:]:
-        found = {f"{name}.{i}.webp": _webp(s, quality) for name, own in sheets.items() for i, s in enumerate(own)}
+    for quality, effort in [*((quality, EFFORT) for quality in QUALITIES[first:]), (QUALITIES[-1], MORE_EFFORT)]:
+        found = {
+            f"{name}.{i}.webp": _webp(s, quality, effort) for name, own in sheets.items() for i, s in enumerate(own)
+        }
         if sum(map(len, found.values())) <= most:
             break
     return found
@@ -288,11 +290,11 @@ def _sheets(tiles: list[Picture]) -> list[Picture]:
     return sheets
 
 
-def _webp(picture: Picture, quality: int) -> bytes:
+def _webp(picture: Picture, quality: int, effort: int = EFFORT) -> bytes:
     from PIL import Image
 
     done = io.BytesIO()
-    Image.fromarray(picture[..., ::-1]).save(done, "WEBP", quality=quality, method=EFFORT)
+    Image.fromarray(picture[..., ::-1]).save(done, "WEBP", quality=quality, method=effort)
     return done.getvalue()
 
 
