@@ -164,14 +164,18 @@ def aside(table: Iterable[CameraRow]) -> set[tuple[str, str]]:
     }
 
 
-def typed(found: Iterable[CameraRow]) -> dict[str, list[dict[str, Any]]]:
-    """By sequence what the table says to type for it: the fields of a `Fix`, and its `camera`, "" for the walk."""
+def typed(found: Sequence[CameraRow]) -> dict[str, list[dict[str, Any]]]:
+    """By sequence what the table says to type for it: the fields of a `Fix`, its `camera`, "" for the walk, and the
+    sequence `of` which it is where what is wrong follows from another one, else ""."""
+    known = {one.sequence for row in found for one in row.recordings}
     lines: dict[str, list[dict[str, Any]]] = {}
     for row in found:
         for trouble in row.told:
+            after = {word.rstrip(",") for where, _ in trouble.follows for word in where.split()} & known
             for fix in (trouble.fix, *trouble.also) if trouble.fix and trouble.fix.what else ():
-                for sequence in trouble.sequences:
-                    lines.setdefault(sequence, []).append({"camera": row.camera} | asdict(fix))
+                for sequence in (*trouble.sequences, *sorted(after - set(trouble.sequences))):
+                    of = "" if sequence in trouble.sequences else trouble.sequences[0]
+                    lines.setdefault(sequence, []).append({"camera": row.camera, "of": of} | asdict(fix))
     return lines
 
 

@@ -197,7 +197,10 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
                     continue
                 level = lights.worst((level, one.level))
                 if one.code != lights.BESIDE_CULPRIT:
-                    follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.alike, *one.follows]
+                    told = (", ".join(one.sequences), one.text), *one.alike, *one.follows
+                    # what followed from that camera's own has the names of others
+                    bare = {at for at, _ in told if not found.keys() & set(at.split())}
+                    follows += [(f"{at} {other}".strip() if at in bare else at, text) for at, text in told]
                 text = f"this follows from {camera or 'the whole walk'}, which is to be mended first"
                 theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
         at = found[camera].index(cause)

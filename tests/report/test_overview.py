@@ -4,7 +4,7 @@ import pytest
 
 from dior.report import overview
 from dior.report.overview import NOTHING, CameraRow, Cell, RecordingRow
-from dior.report.troubles import Trouble
+from dior.report.troubles import Fix, Trouble
 
 SIGMA = Cell("0.50 px", "", 0.5)
 
@@ -60,3 +60,13 @@ def test_the_sigma_of_walks_that_something_draws_aside_is_struck_out_and_of_a_ca
 )
 def test_a_clock_that_was_typed_is_not_said_to_be_exact(lags, text):
     assert overview._clock(lags).text == text
+
+
+def test_a_walk_whose_trouble_follows_from_another_walk_says_what_to_type_there():
+    each = tuple(RecordingRow(walk, "", "look", "", (), "") for walk in ("walk_1", "walk_2", "walk_3"))
+    fix = Fix("config/offsets/walk_1.yaml", "remove the line of cam02")
+    own = Trouble("bad", "clock_contradicts", "0.8 pictures off", ("walk_1",), fix, (("walk_2 cam03", "5 px"),))
+    typed = overview.typed([CameraRow("field", "cam02", "close", "bad", "", (), (own,), each)])
+    assert {walk: [(one["camera"], one["of"], one["what"]) for one in lines] for walk, lines in typed.items()} == {
+        "walk_1": [("cam02", "", fix.what)], "walk_2": [("cam02", "walk_1", fix.what)],
+    }  # fmt: skip

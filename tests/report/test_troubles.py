@@ -103,6 +103,12 @@ def test_what_a_sentence_gives_to_type_is_typed_and_told_once():
     assert one.fix == troubles.Fix("config/people/w1.yaml", "seeds: [{u: <u>}]", "with the pixel", literal=True)
 
 
+def test_what_follows_below_what_follows_is_named_with_its_camera():
+    below = Trouble("bad", "reprojection_error", "5 px", ("w2",), follows=(("w2", "6.9 px from the truth"),))
+    found = troubles.across({"cam02": [trouble("clock_contradicts", "w1")], "cam03": [below]}, ["w1"])
+    assert found["cam02"][0].follows == (("w2 cam03", "5 px"), ("w2 cam03", "6.9 px from the truth"))
+
+
 def test_two_causes_are_both_told():
     given = {"cam02": [trouble("culprit_camera", "w1")], "cam03": [trouble("clock_contradicts", "w1")]}
     found = troubles.across(given, ["w1"])

@@ -16,7 +16,7 @@
   (told.fixes || []).slice().reverse().forEach(function (fix) {
     var line = added(document.getElementById("notes"), "p", ""), where = fix.file ? "in " + fix.file : "in a shell";
     line.className = "note fix";
-    line.textContent = (fix.camera ? fix.camera + ": " : "") + where + (fix.at ? " " + fix.at : "") + (fix.literal ? " type " : ": ");
+    line.textContent = (fix.of ? "follows from " + fix.of + (fix.camera ? ", " : ": ") : "") + (fix.camera ? fix.camera + ": " : "") + where + (fix.at ? " " + fix.at : "") + (fix.literal ? " type " : ": ");
     line.appendChild(document.createElement(fix.literal ? "code" : "b")).textContent = fix.what;
     if (fix.gain) line.appendChild(document.createElement("small")).textContent = " " + fix.gain;
   });
