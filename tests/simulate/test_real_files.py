@@ -135,7 +135,7 @@ def test_the_same_settings_give_the_same_files_at_level_real(tmp_path):
         {p.relative_to(root): hashlib.sha256(p.read_bytes()).hexdigest() for p in root.rglob("*") if p.is_file()}
         for root in (tmp_path / "a", tmp_path / "b")
     )
-    assert first == second and len(first) == 11 + 72
+    assert first == second and len(first) == 12 + 72
 
 
 def test_the_wall_hides_the_lower_half_from_afar_only():
