@@ -35,7 +35,6 @@ def chromium():
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_can_be_read(report, chromium, page, size, dark):
     with browser.page(chromium, (report / f"{page}.html").as_uri(), None, *size, dark=dark) as one:
-        one.wait_for_load_state("networkidle")
         for folded in one.query_selector_all("details:not([open]) > summary"):
             if folded.is_visible():
                 folded.click()
