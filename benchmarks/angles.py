@@ -20,10 +20,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks.joint_centres import WALK
+from benchmarks.joint_centres import WALK, points_of
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.gait.tracks import REFINED_S
-from dior.ingest.mocap_files import c3d
 from dior.release.angles import angles
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
@@ -97,12 +96,9 @@ def _of_cameras(who, seed, seconds):
 
 def real(path=WALK):
     """The real walk's 3D and Plug-in-Gait's angles (T,) by name."""
-    file = c3d.read(path)
-    points = file.points(range(len(file.labels)))
-    at = {name: points[:, i] for i, name in enumerate(file.labels)}
-    names = [name for name in file.labels if name in PLUG_IN_GAIT_39]
+    rate, at, names = points_of(path)
     true = {name: np.where(at[group] == 0, np.nan, at[group])[:, axis] for name, (group, axis) in PLUG_IN_GAIT.items()}
-    return of_markers(file.rate, np.stack([at[name] for name in names], axis=1) / 1000, names), true
+    return of_markers(rate, np.stack([at[name] for name in names], axis=1) / 1000, names), true
 
 
 def errors(walk, true, draws=angles.DRAWS):

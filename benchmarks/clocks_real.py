@@ -73,10 +73,10 @@ def as_mocap(data):
     print(f"{'3D by':<10}{'cam04 by':<10}{'late':>7}{'found':>9}{'± 95 %':>9}{'beyond':>9}  why not")
     for source in TOOLS:
         points, _, joints = recording.robust_points(data, cameras, source)
-        joints = [recording.BOXED.get(name, name) for name in joints]
+        joints = recording.shared_names(joints)
         for tool in TOOLS:
             uv, names = detections(data, tool)
-            names = [recording.BOXED.get(name, name) for name in names]
+            names = recording.shared_names(names)
             walker = from_mocap.walker_of(t, points, joints, [name for name in names if name in joints])
             own, first = uv[3][:, [names.index(name) for name in walker.names]], None
             for late_s in AS_MOCAP_S:

@@ -30,15 +30,20 @@ CENTRES = {"hip": "FEP", "knee": "FEO", "ankle": "TIO"}
 SEEDS, SECONDS = 3, 15.0
 
 
+def points_of(path):
+    """The rate (Hz) of a file, its points (T, 3) by name, mm or degrees, and the names of the markers among them."""
+    file = c3d.read(path)
+    points = file.points(range(len(file.labels)))
+    at = {name: points[:, i] for i, name in enumerate(file.labels)}
+    return file.rate, at, [name for name in file.labels if name in PLUG_IN_GAIT_39]
+
+
 def plug_in_gait(path):
     """Markers (T, M, 3) m, their names, and Plug-in-Gait's joint centres (T, 3) m by joint."""
-    file = c3d.read(path)
-    points = file.points(range(len(file.labels))) / 1000
-    at = {name: points[:, i] for i, name in enumerate(file.labels)}
-    names = [name for name in file.labels if name in PLUG_IN_GAIT_39]
+    _, at, names = points_of(path)
     sides = {"left": "L", "right": "R"}
-    true = {f"{side}_{joint}": at[sides[side] + point] for side in sides for joint, point in CENTRES.items()}
-    return np.stack([at[name] for name in names], axis=1), names, true
+    true = {f"{side}_{joint}": at[sides[side] + point] / 1000 for side in sides for joint, point in CENTRES.items()}
+    return np.stack([at[name] for name in names], axis=1) / 1000, names, true
 
 
 def distances_mm(markers, names, true):

@@ -113,10 +113,10 @@ def edit(path, old, new):
 # what is mended -> how, in a project folder; the first walk and its person are those of the marks, which fix the poses
 FIXES = {
     "a mark of an indoor camera": lambda at: edit(at / "config/sessions/lab/cam02.marks.csv", r"\n[^\n]+\n$", "\n"),
-    "the nudge of a long-range camera": lambda at: edit(
+    "the tape of a long-range camera": lambda at: edit(
         at / "config/sessions/field/cam04.yaml", r"(sigma_m: \[?)[0-9.]+", r"\g<1>0.4"
     ),
-    "the place of a close camera": lambda at: edit(
+    "the tape of a close camera": lambda at: edit(
         at / "config/sessions/field/cam01.yaml", r"(sigma_m: \[?)[0-9.]+", r"\g<1>0.07"
     ),
     "the clock of a camera in a walk": lambda at: write_offset(at / "config/offsets/indoor_02.yaml"),

@@ -103,6 +103,11 @@ def detected(data, tool, names=CAMERAS):
     return stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in names])
 
 
+def shared_names(joints):
+    """Joints of OpenPose by the names that ML Kit has for them."""
+    return [BOXED.get(name, name) for name in joints]
+
+
 def robust_points(data, cameras, tool="ML Kit"):
     """3D (100, J, 3) of a detector in cam01-cam03 by the default method, what was exchanged (3, 100, J), the joints."""
     close = cameras[:3]
@@ -238,7 +243,7 @@ def from_boxes(data, cameras, points, joints, shrunk=1):
     joints that both have, pixels (100, J, 2) and their places in `joints`."""
     uv, score, theirs = detected(data, "OpenPose", CAMERAS[3:])
     # the joints that both detectors have: ML Kit has no crown and no neck, OpenPose no hands
-    names = [BOXED.get(name, name) for name in theirs]
+    names = shared_names(theirs)
     other = [i for i, name in enumerate(names) if name in joints]
     own = [joints.index(names[i]) for i in other]
     seen = np.where((score[0] > 0.3)[..., None], uv[0], np.nan)[:, other] / shrunk
@@ -287,7 +292,7 @@ def print_long_range(data, cameras):
     """cam04 as a long-range camera: its pictures shrunk, its detections at full size as the truth."""
     for tool, shrunk in product(("OpenPose", "ML Kit"), SHRUNK):
         points, _, joints = robust_points(data, cameras, tool)
-        joints = [BOXED.get(name, name) for name in joints]
+        joints = shared_names(joints)
         true, start, fitted, seen, own = from_boxes(data, cameras, points, joints, shrunk)
         tall = np.nanmedian(np.nanmax(seen[..., 1], axis=1) - np.nanmin(seen[..., 1], axis=1))
         print(

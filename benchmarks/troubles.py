@@ -22,6 +22,7 @@ import csv
 import html
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -147,7 +148,7 @@ def typed(folder, file, at, what):
     """Type `what` the report says, and where `at`, into `file` of the project or a shell; False where it is no such
     line."""
     if not file:
-        subprocess.run(what, shell=True, cwd=folder, check=True)
+        subprocess.run(shlex.split(what), cwd=folder, check=True)
         return True
     path = folder / file
     if asked := re.search(r"camera: (\w+), frame: (\d+), u: <u>, v: <v>", what):

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from dior.errors import DiorError
+from dior.errors import DiorError, nearest
 from dior.project import bumps
 from dior.project.consent import consents
 from dior.project.marks_file import MarkedLines, read_marks
@@ -55,6 +55,14 @@ class Project:
         kept = [row for row in self.rows.values() if not row["exclude_reason"]]
         kept.sort(key=lambda row: (row["session"], int(row["session_order"]), row["sequence"]))
         return tuple(row["sequence"] for row in kept)
+
+    def named(self, sequences: Iterable[str] | None) -> list[str]:
+        """The processed `sequences` that somebody names, each once; all where none is named. Raises DiorError for
+        others."""
+        for name in sequences or ():
+            if name not in self.sequences:
+                raise DiorError(f"{self.root}: no sequence '{name}'{nearest(name, self.sequences)} is processed")
+        return list(dict.fromkeys(sequences or self.sequences))
 
     @cached_property
     def excluded(self) -> dict[str, str]:

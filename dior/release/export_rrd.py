@@ -21,7 +21,7 @@ import numpy as np
 
 from dior.arrays import Floats, Ints, Table
 from dior.body import names
-from dior.errors import DiorError, many, nearest
+from dior.errors import DiorError, many
 from dior.evaluate.grids import label_grids, onto, value_grid
 from dior.geometry.camera import Camera
 from dior.geometry.camera_tables import read_camera_covariance, read_placed
@@ -71,14 +71,10 @@ def run(project: Path, sequences: list[str] | None = None, *, rrd: Path) -> None
     if os.path.lexists(rrd):
         raise DiorError(f"{rrd}: is there already; name a folder that is not")
     found = projects.load(project)
-    for name in sequences or ():
-        if name not in found.sequences:
-            raise DiorError(f"{project}: no sequence '{name}'{nearest(name, found.sequences)} is processed")
-    chosen = list(dict.fromkeys(sequences or found.sequences))
-    needed = {sequence: _files(found, sequence) for sequence in chosen}
+    needed = {sequence: _files(found, sequence) for sequence in found.named(sequences)}
     with folder_written_whole(rrd) as folder:
         said = [write(folder / f"{name}.rrd", files, found.root / found.data_root) for name, files in needed.items()]
-    for name, words in zip(chosen, said, strict=True):
+    for name, words in zip(needed, said, strict=True):
         print(f"{rrd}/{name}.rrd: {words}")
     print("They show people as they were recorded, heads uncovered: they are for the lab, not for others.")
 

@@ -169,13 +169,12 @@ def typed(found: Sequence[CameraRow]) -> dict[str, list[dict[str, Any]]]:
     sequence `of` which it is where what is wrong follows from another one, else ""."""
     known = {one.sequence for row in found for one in row.recordings}
     lines: dict[str, list[dict[str, Any]]] = {}
-    for row in found:
-        for trouble in row.told:
-            after = {word.rstrip(",") for where, _ in trouble.follows for word in where.split()} & known
-            for fix in (trouble.fix, *trouble.also) if trouble.fix and trouble.fix.what else ():
-                for sequence in (*trouble.sequences, *sorted(after - set(trouble.sequences))):
-                    of = "" if sequence in trouble.sequences else trouble.sequences[0]
-                    lines.setdefault(sequence, []).append({"camera": row.camera, "of": of} | asdict(fix))
+    for camera, trouble in ((row.camera, one) for row in found for one in row.told if one.fix and one.fix.what):
+        after = {word.rstrip(",") for where, _ in trouble.follows for word in where.split()} & known
+        fixes = [asdict(fix) for fix in (trouble.fix, *trouble.also) if fix]
+        for sequence in (*trouble.sequences, *sorted(after - set(trouble.sequences))):
+            of = "" if sequence in trouble.sequences else trouble.sequences[0]
+            lines.setdefault(sequence, []).extend({"camera": camera, "of": of} | fix for fix in fixes)
     return lines
 
 

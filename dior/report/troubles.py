@@ -197,10 +197,10 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
                     continue
                 level = lights.worst((level, one.level))
                 if one.code != lights.BESIDE_CULPRIT:
-                    told = (", ".join(one.sequences), one.text), *one.alike, *one.follows
-                    # what followed from that camera's own has the names of others
-                    bare = {at for at, _ in told if not found.keys() & set(at.split())}
-                    follows += [(f"{at} {other}".strip() if at in bare else at, text) for at, text in told]
+                    for place, why in ((", ".join(one.sequences), one.text), *one.alike, *one.follows):
+                        # what followed from that camera's own has another's name already
+                        named = bool(found.keys() & set(place.split()))
+                        follows.append((place if named else f"{place} {other}".strip(), why))
                 text = f"this follows from {camera or 'the whole walk'}, which is to be mended first"
                 theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
         at = found[camera].index(cause)

@@ -261,13 +261,13 @@ def _pictures(
 def _encoded(tiles: Mapping[str, list[Picture]], most: float) -> dict[str, bytes]:
     """file name -> WebP of the sheets of each camera's small pictures, of the best quality that takes `most` bytes."""
     sheets = {camera: _sheets(own) for camera, own in tiles.items()}
-    each = -(-COLUMNS * COLUMNS // len(tiles))
-    some = [own[i * len(own) // each] for own in tiles.values() for i in range(each)]
     count = sum(map(len, tiles.values()))
 
     def fits(i: int) -> bool:
         # a few of each camera tell nearly what all of them take
-        return sum(len(_webp(tile, QUALITIES[i])) for tile in some) * count <= SAFE * most * len(some)
+        each = -(-COLUMNS * COLUMNS // len(tiles))
+        some = [_webp(own[k * len(own) // each], QUALITIES[i]) for own in tiles.values() for k in range(each)]
+        return sum(map(len, some)) * count <= SAFE * most * len(some)
 
     surely = count * TILE_BYTES <= most
     first = 0 if surely else bisect_left(range(len(QUALITIES) - 1), True, key=fits)

@@ -153,6 +153,10 @@ def watched_names(wildcards):
     return PROJECT.close(wildcards.session)
 
 
+def adjusted_walks(wildcards):
+    return sorted(PROJECT.window(wildcards.session))
+
+
 def watched_cameras(wildcards):
     return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
 

@@ -25,7 +25,7 @@ rule moved:
         sequences=watched("{sequence}"),
         names=watched_names,
         min_score=CONFIG["detector"]["min_score"],
-        adjusted=lambda wildcards: sorted(PROJECT.window(wildcards.session)),
+        adjusted=adjusted_walks,
         code=code("evaluate.moved"),
     script:
         "../scripts/step.py"

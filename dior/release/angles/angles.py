@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from dior.arrays import AnyPath, Floats
-from dior.errors import DiorError, many, nearest
+from dior.errors import DiorError, many
 from dior.gait.tracks import REFINED_S
 from dior.geometry.covariance import point_covariance
 from dior.progress import reporting
@@ -72,10 +72,7 @@ def run(project: Path, sequences: list[str] | None = None, *, out: Path) -> None
     if os.path.lexists(out):
         raise DiorError(f"{out}: is there already; name a folder that is not")
     found = projects.load(project)
-    for name in sequences or ():
-        if name not in found.sequences:
-            raise DiorError(f"{project}: no sequence '{name}'{nearest(name, found.sequences)} is processed")
-    chosen = {name: found.root / found.skeleton_table(name) for name in sequences or found.sequences}
+    chosen = {name: found.root / found.skeleton_table(name) for name in found.named(sequences)}
     for name, path in chosen.items():
         if not path.is_file():
             raise DiorError(f"{path}: is not there, so {name} has no 3D; run the workflow first")

@@ -44,7 +44,7 @@ def _smooth(noise: Floats, frames: float) -> Floats:
     from scipy.ndimage import gaussian_filter1d
 
     sigma = frames / np.sqrt(2)
-    # a bell of this width, times itself, sums to 1 / (2 sqrt(pi) sigma); the ends are padded with more noise's mirror
+    # wrapped around, so that noise near the ends is as strong as elsewhere
     smooth = gaussian_filter1d(noise, sigma, axis=0, mode="wrap")
     bell = gaussian_filter1d(np.eye(1, len(noise))[0], sigma, mode="wrap")
     return np.asarray(smooth / np.sqrt((bell**2).sum()))
