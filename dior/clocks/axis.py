@@ -79,6 +79,21 @@ def blend(values: Floats, before: Ints, after: Ints, weight: Floats) -> Floats:
     return mixed
 
 
+def along_curve(times: Floats, values: Floats, slopes: Floats, where: Bracket) -> Floats:
+    """As `blend` of values (F, ...) at `times` (F,) s, along the cubic that has the `slopes` (F, ...) per second, too.
+
+    A foot that lands slows down by 30 m/s^2: half way between two pictures at 30 Hz a straight line is 4 mm beside it.
+    """
+    before, after, weight = where
+    straight = blend(values, *where)
+    w = weight.reshape(-1, *(1,) * (straight.ndim - 1))
+    step = (times[after] - times[before]).reshape(w.shape)
+    rise = values[after] - values[before]
+    bend = (1 - w) * (step * slopes[before] - rise) + w * (rise - step * slopes[after])
+    curve: Floats = straight + w * (1 - w) * bend
+    return curve
+
+
 def sample(times: Floats, values: Floats, queries: Floats, max_gap_s: float) -> Floats:
     """Values (F, ...) recorded at `times` (F,) s, interpolated at `queries` (Q,) s; never across a drop."""
     return blend(values, *bracket(times, queries, max_gap_s))
@@ -165,13 +180,14 @@ class Moving:
     def at_pictures(self, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> tuple[Floats, Floats, Bools]:
         """At the pictures' stamps: points (F, J, 3) m, their velocities (F, J, 3) m/s, if a gap was bridged (F, J).
 
-        Linear between instants, never across a missing one. Before the first instant and after the last there is
-        nothing, and the velocity is 0.
+        Along the curve through the instants that has their velocities (`along_curve`), never across a missing one.
+        Before the first instant and after the last there is nothing, and the velocity is 0.
         """
         before, after, weight = where = self.around(stamps_ns, offset_s, drift_ppm)
         filled = self.status == "gap_filled"
         bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
-        return blend(self.points, *where), np.nan_to_num(blend(self.velocity, *where)), bridged
+        points = along_curve(self.grid, self.points, self.velocity, where)
+        return points, np.nan_to_num(blend(self.velocity, *where)), bridged
 
     def noise_at_pictures(self, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> Floats:
         """Covariance (F, J, 3, 3) m^2 of the points at pictures, given the cameras.

@@ -137,6 +137,26 @@ def test_a_walker_at_the_pictures_is_as_far_on_as_their_clock_says(hz):
     assert np.isnan(walker.at_pictures(T0 + np.array([0]), -0.01, 0.0)[0]).all()
 
 
+def test_between_instants_a_foot_that_lands_keeps_its_curve():
+    skeleton = walked(30.0, 60)
+    t = (skeleton["stamp_ns"] - T0) / 1e9
+    # 1 cm up and down 5 times a second: 10 m/s^2 at its ends
+    skeleton["z"] = 0.01 * np.cos(2 * np.pi * 5 * t)
+    skeleton["x"][40] = np.nan
+    stamps = T0 + np.round((np.arange(9, 50) + 0.5) * 1e9 / 30).astype(np.int64)
+    points, *_ = axis.moving(skeleton).at_pictures(stamps, 0.0, 0.0)
+    at = (stamps - T0) / 1e9
+    beside = np.isnan(points[:, 0, 0])
+    assert np.flatnonzero(beside).tolist() == [30, 31]
+    off = np.abs(points[:, 0, 2] - 0.01 * np.cos(2 * np.pi * 5 * at))
+    line = 0.01 * (1 - np.cos(2 * np.pi * 5 / 60))
+    assert off[~beside].max() < 0.3 * line
+    np.testing.assert_allclose(points[~beside, 0, 0], 1.2 * at[~beside], atol=1e-9)
+    # whole instants are what they are
+    again, *_ = axis.moving(skeleton).at_pictures(skeleton["stamp_ns"][10:30], 0.0, 0.0)
+    np.testing.assert_allclose(again[:, 0, 2], skeleton["z"][10:30], atol=1e-12)
+
+
 def test_t0_is_the_first_instant_of_the_mocap_or_else_the_first_picture():
     frames = {"stamp_ns": T0 + np.array([7, 5, 9])}
     assert axis.start_ns(frames) == T0 + 5

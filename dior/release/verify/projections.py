@@ -90,14 +90,11 @@ def of_labels(labels: Table, skeleton: Table, camera: Camera, clock: tuple[float
 def at_stamps(skeleton: Table, stamps: Ints, clock: tuple[float, float]) -> tuple[Floats, list[str]]:
     """World points (F, J, 3) m at the `stamps` (F,) ns of a camera with `clock` (offset_s, drift_ppm), and the joints.
 
-    Linear between instants and never across a gap, as `dior.clocks.axis.at_pictures` has them for the labels; what
-    that says of their uncertainty is not needed here.
+    Between instants as `dior.clocks.axis.Moving.at_pictures` has them for the labels; what that says of their
+    uncertainty is not needed here.
     """
-    points, joints = tables.grid(skeleton, "x", "y", "z")
-    instants = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    grid = axis.seconds(instants, instants[0])
-    gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else axis.SAME_TIME_S
-    return axis.blend(points, *axis.bracket(grid, axis.seconds(stamps, instants[0], *clock), gap)), joints
+    walker = axis.moving(skeleton)
+    return walker.at_pictures(stamps, *clock)[0], walker.joints
 
 
 def same(stored: Floats, computed: Floats) -> Bools:

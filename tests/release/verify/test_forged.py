@@ -263,6 +263,7 @@ def test_labels_through_any_lens_are_recomputed_to_the_last_digit(model):
             "joint": np.array(list(COCO_17) * count, object), "stamp_ns": np.repeat(stamps, each),
             "instant": np.repeat(np.arange(count), each),
             **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
+            "status": np.where(np.isfinite(points[..., 0]), "ok", "missing_3d").ravel().astype(object),
         }  # fmt: skip
         clock = (0.0213, -12.5)
         when = stamps[3:-3] - 9_000_000
