@@ -1,15 +1,18 @@
 """Bundle adjustment on a simulated ring of cameras: what it recovers, what it reports and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks import rolls
 from dior.calibrate import adjust as step
 from dior.calibrate.bundle import adjustment, bundle
-from dior.calibrate.bundle.outcome import in_front, shift_and_turn
+from dior.calibrate.bundle.outcome import Adjusted, check_end, in_front, shift_and_turn, whole_body_off
+from dior.calibrate.bundle.uncertainty import Tracks
 from dior.calibrate.lens import realsense
 from dior.errors import DiorError
-from dior.geometry.camera import pose, project
+from dior.geometry.camera import pose, project, reprojection_errors
 from dior.geometry.multiview import look_at, similarity
 from tests.cases import some
 from tests.rig import camera as looking_in
@@ -192,6 +195,31 @@ def test_the_worst_camera_is_named_where_the_adjustment_ends_too_high():
         DiorError, match=r"ends at a mean of .* \(cam01 \d.*, cam02 \d.*\), above .* first cam02, which"
     ):
         adjustment.adjust(cameras, seen(cameras, points) + noise, tape(cameras), HUBER, 2.0, "s")
+
+
+def test_guessed_limbs_lift_the_mean_and_refuse_nothing_where_the_body_is_in_its_place():
+    cameras, rng = ring(3), np.random.default_rng(3)
+    points = body(500)
+    tracks = Tracks(np.tile(np.arange(20), 25), np.repeat(np.arange(25), 20), np.zeros(500, int), tuple("j" * 20))
+
+    def ended(uv):
+        errors = reprojection_errors(cameras, points, uv)
+        return Adjusted(cameras, points, errors, errors, 0.0, 1, tracks=tracks)
+
+    true = seen(cameras, points, 2.0)
+    guessed = true + np.where(np.arange(500) % 20 < 6, 30.0, 0.0)[:, None] * rng.normal(size=true.shape)
+    done = ended(guessed)
+    assert np.nanmean(done.after_px) > MOST
+    assert whole_body_off(done, guessed) < 2.0
+    check_end(done, guessed, MOST, "s")
+    # as large a mean, of a world that is not the cameras'
+    bent = true + np.where(np.arange(500) // 20 % 2, 10.0, -10.0)[:, None]
+    assert whole_body_off(ended(bent), bent) == pytest.approx(10 * np.sqrt(2), rel=0.05)
+    with pytest.raises(DiorError, match="ends at a mean of"):
+        check_end(ended(bent), bent, MOST, "s")
+    # of joints that are not known nothing tells the two apart
+    with pytest.raises(DiorError, match="ends at a mean of"):
+        check_end(replace(done, tracks=None), guessed, MOST, "s")
 
 
 def refused(cameras, uv, message):
