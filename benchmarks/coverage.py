@@ -12,10 +12,11 @@ version of the code.
 A 95 % ellipse should hold 95 % of the true keypoints wherever they are: by depth, by how large the person is in the
 picture (body heights), seen or hidden, by speed (of the keypoint across the line of sight). Where it cannot be told
 whether a wall hides the legs (`doubtful`, by `occluder_doubtful` of `align`; else `told`), the ellipse reaches from one
-reading of the boxes to the other, and holds nearly always. The labels of one capture share its cameras' and its
-detector's errors, so that captures are what is drawn anew for the intervals (`bootstrap`). A cell passes where its
-interval meets 90-98 % (else it is `outside`), and counts where 100 captures contribute, long range 200 (else they are
-`few`). The person who draws boxes has the habit that `align.habit_px` expects, drawn anew for every capture.
+reading of the boxes to the other, and holds nearly always: these captures are in no other cell than `all`. The labels
+of one capture share its cameras' and its detector's errors, so that captures are what is drawn anew for the intervals
+(`bootstrap`). A cell passes where its interval meets 90-98 % (else it is `outside`), and counts where 100 captures
+contribute, long range 200 (else they are `few`). The person who draws boxes has the habit that `align.habit_px`
+expects, drawn anew for every capture.
 """
 
 import json
@@ -66,7 +67,9 @@ def counted(seed, level, lens, close=False):
                 table = tables.read(steps.labels_of(made, name, camera), "labels_2d")
                 sums_of = of_labels(table, seen, group)
                 if group == "long range" and sums_of:
-                    sums_of[_reading(made, name, camera)] = sums_of["all"]
+                    reading = _reading(made, name, camera)
+                    cells = sums_of if reading == "told" else {"all": sums_of["all"]}
+                    sums_of = {**cells, reading: sums_of["all"]}
                 for cell, sums in sums_of.items():
                     out.setdefault(group, {}).setdefault(cell, np.zeros(5))
                     out[group][cell] += sums
