@@ -42,7 +42,7 @@ FAULTS = {
     "half-size pictures": (lambda uv, _: (uv + 0.5) / 2 - 0.5, ("multiplied by 2:",)),
     "mirrored": (lambda uv, _: CORNER * (1, 0) + uv * (-1, 1), ("mirrored left to right",)),
     "6 frames late": (lambda uv, _: shifted(uv, 6), tuple(f"taken {k} frames earlier" for k in (4, 5, 6, 7, 8))),
-    "another walk's": (lambda _, other: other, ("nowhere near",)),
+    "another walk's": (lambda _, other: other, ("another camera or recording",)),
 }
 # what the step says where it cannot tell at all, and where it cannot tell the fault
 CANNOT = "it cannot be told whether"

@@ -44,6 +44,8 @@ AROUND, LEAST_LEFT = 0.08, 3
 SURE, GAIN = 4.0, 0.05
 # chosen: a body has so little in common with what moves if it is anywhere else (drawn ones have 0.5 to 0.8)
 NOWHERE = 0.15
+# chosen: a cause under which they have less in common may be chance, of detections that belong to another recording
+WELL = 0.4
 # chosen: what moves is at least this share of the body, else nothing does
 LEAST_MOVES = 0.25
 # chosen: pictures by which a numbering may be off; a few in a row tell as much as all of them
@@ -78,6 +80,8 @@ def _unchanged(uv: Floats, size: tuple[int, int]) -> Floats:
     return uv
 
 
+_ELSEWHERE = "are they of another camera or recording?"
+_OR_OTHERS = f"; or, as that is little for detections that fit: {_ELSEWHERE}"
 _AS_RECORDED = "run the detector on the pictures as they were recorded"
 TURNS = (
     Alternative("turned by 180 degrees", _AS_RECORDED, lambda uv, size: np.array(size) - 1 - uv),
@@ -274,17 +278,18 @@ def verdict(
     if better.any():
         # a slip of a few frames more or less moves the body in fewer or more of the pictures
         best = int(np.argmax(np.where(better, found.gain * found.count, -np.inf)))
+        little = found.other[best] < WELL
         raise OffPictures(
             f"{where}: the detections fit the pictures when {others[best].words}: what moves and the body then have "
             f"{found.other[best]:.0%} in common, as they are {found.score[best]:.0%} ({found.count[best]} pictures); "
-            f"{others[best].remedy}"
+            f"{others[best].remedy}{_OR_OTHERS if little else ''}"
         )
     _, t, count, score, _ = found.elsewhen
     if count and t > -SURE and score < NOWHERE:
         raise OffPictures(
             f"{where}: the detections lie nowhere near what moves in the pictures ({score:.0%} in common in {count} "
             "pictures, no more than those of another moment), nor do they turned, mirrored, rescaled or shifted by up "
-            f"to {SLIPS[-1]} frames; are they of another camera or recording?"
+            f"to {SLIPS[-1]} frames; {_ELSEWHERE}"
         )
     worse = known & (found.t < -SURE)
     if not known.any():

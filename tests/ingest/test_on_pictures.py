@@ -104,6 +104,18 @@ def test_detections_of_another_recording_fit_in_no_way():
         verdict(walker(), noisy(other, 1.0))
 
 
+def test_a_cause_that_explains_little_is_not_said_to_be_the_only_one():
+    """Somebody else's walk the other way, mirrored, lies on the walker, but badly; a mirrored one lies well."""
+    true = walker(left_px=60.0)
+    aside = FAULTS["mirrored left to right"](true) + (0.0, 45.0)
+    with pytest.raises(
+        DiorError, match=r"fit the pictures when mirrored .* or, as that is little .* of another camera"
+    ):
+        verdict(true, noisy(aside))
+    with pytest.raises(DiorError, match=r"as they were recorded$"):
+        verdict(true, FAULTS["mirrored left to right"](noisy(true)))
+
+
 def test_who_walks_along_the_axis_in_the_middle_is_not_told_from_a_mirror():
     true = walker(speed_px=0.0, left_px=(SIZE[0] - 1) / 2) + np.zeros((COUNT, 1, 1))
     # nearer from picture to picture, about the middle
