@@ -5,7 +5,7 @@ are looked for. `dior.project.project.load` makes it. Loads no numerics.
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -421,6 +421,11 @@ class Project:
     def clocked_by_hand(self, sequence: str) -> list[str]:
         """Cameras whose clock a person gave."""
         return sorted(camera for path in self.offsets(sequence) for camera in read_yaml(self.root / path, path))
+
+    def clocks_by_hand(self, sequence: str, cameras: Collection[str]) -> list[tuple[str, str]]:
+        """What a person wrote of the clocks of these cameras, by camera."""
+        given = [read_yaml(self.root / path, path) for path in self.offsets(sequence)]
+        return sorted((name, repr(said)) for one in given for name, said in one.items() if name in cameras)
 
     def seeds(self, sequence: str) -> list[str]:
         """[path] of the file in which a person pointed at the subject, or []."""

@@ -1,6 +1,9 @@
 """What the benchmark of planning reads out of a project: the longest chain, and what jobs of a kind take."""
 
 import json
+import re
+
+import pytest
 
 from benchmarks.planning import FIXES, Job, jobs_of, longest, make_as_if_run, means, mended, snakemake
 from dior.project import project
@@ -42,6 +45,31 @@ def test_a_project_of_empty_files_has_nothing_left_to_do(tmp_path):
     make_as_if_run(tmp_path)
     assert "Job stats" not in snakemake(tmp_path, "-n", "all")[0]
     assert {"clocks", "locate", "page", "report"} <= {job.step for job in jobs_of(tmp_path)}
+
+
+@pytest.mark.slow
+def test_a_clock_that_is_typed_runs_what_is_of_its_camera(tmp_path):
+    made = {"subjects": 1, "sequences": 2, "duration_s": 2.0}
+    config.write(settings.from_dict(made), tmp_path / "config")
+    path = tmp_path / "config/offsets/indoor_01.yaml"
+    path.parent.mkdir()
+    path.write_text("cam01: {offset_s: 0.02}\n")
+    make_as_if_run(tmp_path)
+
+    def would_run():
+        return {*re.findall(r"^ +log: logs/(\w+)/(\S+)\.log", snakemake(tmp_path, "-n", "all")[0], re.MULTILINE)}
+
+    def of(*steps):
+        return {f"{step} {unit}" for step, unit in would_run() if step in steps}
+
+    path.write_text("# by the clap\ncam01: {offset_s: 0.02}\ncam03: {offset_s: 0.1}\n")
+    of_cam03 = {"locate lab.cam03", "clocks indoor_01.cam03", "clocks indoor_02.cam03"}
+    assert of("locate", "clocks", "adjust") == of_cam03
+    # outdoors a long-range camera's clock is for itself
+    path.write_text("cam01: {offset_s: 0.02}\n")
+    (tmp_path / "config/offsets/outdoor_01.yaml").write_text("cam04: {offset_s: 0.1}\n")
+    steps = {step for step, _ in would_run()}
+    assert {"align", "follow"} <= steps and not {"adjust", "clocks", "triangulate", "locate"} & steps
 
 
 def test_every_fix_is_one_and_is_taken_back(tmp_path):

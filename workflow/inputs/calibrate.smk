@@ -106,6 +106,10 @@ def adjusted(step, kind=""):
     return files
 
 
+def adjusted_sequences(wildcards):
+    return list(PROJECT.window(wildcards.session))
+
+
 def adjusted_offsets(wildcards):
     names = PROJECT.window(wildcards.session)
     return [path for sequence in names for path in PROJECT.offsets(sequence)]
@@ -193,6 +197,18 @@ def tag_marks(wildcards):
         for camera in PROJECT.close(session)
         if PROJECT.cameras(session)[camera]["locate"] == "apriltag"
     ]
+
+
+def own_name(wildcards):
+    return wildcards.camera
+
+
+def own_sequence(wildcards):
+    return wildcards.sequence
+
+
+def adjusted_names(wildcards):
+    return PROJECT.close(wildcards.session)
 
 
 def own_yaml(wildcards):

@@ -42,7 +42,6 @@ rule locate:
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         mocap=marked_mocap,
         frames=marked_frames,
-        offsets=marked_offsets,
     output:
         out="results/locate/{session}/{camera}.parquet",
         out_covariance="results/locate/{session}/{camera}.covariance.parquet",
@@ -58,7 +57,10 @@ rule locate:
     params:
         sequences=marked_sequences,
         ransac_px=CONFIG["locate"]["ransac_px"],
-        contents=contents_of(own_yaml, own_marks, marked_offsets),
+        offsets=untracked(marked_offsets),
+        contents=contents_of(
+            own_yaml, own_marks, parts=[clocks_by_hand(marked_sequences, own_name)]
+        ),
         code=code("calibrate.locate"),
     shell:
         dior("locate")
@@ -128,7 +130,6 @@ rule adjust:
         detections=adjusted("detections"),
         everybody_seen=adjusted("detections", ".people"),
         frames=adjusted("frames"),
-        offsets=adjusted_offsets,
         marks=fact_marks,
         tags=tag_marks,
     output:
@@ -152,7 +153,10 @@ rule adjust:
         heights=heights_fingerprint,
         marked=fact_sequences,
         physics=as_json(CONFIG["physics"]),
-        contents=contents_of(close_yamls, adjusted_offsets, fact_marks),
+        offsets=untracked(adjusted_offsets),
+        contents=contents_of(
+            close_yamls, fact_marks, parts=[clocks_by_hand(adjusted_sequences, adjusted_names)]
+        ),
         code=code("calibrate.adjust"),
     shell:
         dior("adjust")
@@ -168,7 +172,6 @@ rule clocks:
         frames=clocked_frames,
         mocap=clocked_mocap,
         marked=marked_clocks,
-        offsets=clocked_offsets,
         bags=simulated(clocked_bags),
     output:
         out="results/clocks/{recording}.parquet",
@@ -186,7 +189,10 @@ rule clocks:
         min_score=CONFIG["detector"]["min_score"],
         max_gap=CONFIG["time"]["max_gap"],
         data_root=data_root,
-        contents=contents_of(clocked_offsets, recorded(clocked_bags)),
+        offsets=untracked(clocked_offsets),
+        contents=contents_of(
+            recorded(clocked_bags), parts=[clocks_by_hand(clocked_sequence, clocked_names)]
+        ),
         code=code("calibrate.clocks"),
     shell:
         dior("clocks")
@@ -199,7 +205,6 @@ rule align:
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         skeletons=aligned_skeletons,
         frames=aligned("frames/{sequence}.parquet"),
-        offsets=aligned_offsets,
         boxes=aligned_boxes,
         marks=aligned_marks,
         bags=simulated(aligned_bags),
@@ -216,8 +221,13 @@ rule align:
         "logs/align/{session}.{camera}.benchmark.tsv"
     params:
         data_root=data_root,
+        offsets=untracked(aligned_offsets),
         contents=contents_of(
-            own_yaml, aligned_offsets, aligned_boxes, aligned_marks, recorded(aligned_bags)
+            own_yaml,
+            aligned_boxes,
+            aligned_marks,
+            recorded(aligned_bags),
+            parts=[clocks_by_hand(aligned_sequences, own_name)],
         ),
         code=code("calibrate.align"),
     shell:
@@ -232,7 +242,6 @@ rule follow:
         covariance=label_covariance,
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
-        offsets=sequence_offsets,
         boxes=own_boxes,
         bags=simulated(followed_bags),
     output:
@@ -247,7 +256,13 @@ rule follow:
     params:
         makers=makers,
         data_root=data_root,
-        contents=contents_of(followed_yaml, sequence_offsets, own_boxes, recorded(followed_bags)),
+        offsets=untracked(sequence_offsets),
+        contents=contents_of(
+            followed_yaml,
+            own_boxes,
+            recorded(followed_bags),
+            parts=[clocks_by_hand(own_sequence, own_name)],
+        ),
         code=code("calibrate.follow"),
     shell:
         dior("follow")

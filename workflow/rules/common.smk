@@ -9,6 +9,7 @@ import re
 import sys
 import time
 from functools import cache
+from hashlib import sha256
 
 from snakemake.exceptions import WorkflowError
 
@@ -118,16 +119,37 @@ def data_root(wildcards, input):
     return DATA
 
 
-def contents_of(*getters):
+def contents_of(*getters, parts=()):
     """A parameter that tells what is in the files that these functions name, whatever their times.
 
     Of what people wrote all of it counts, of other files their name below data_root, their length and their ends.
+    `parts`: functions that tell it of parts of files (`clocks_by_hand`).
     """
 
     def told(wildcards):
         found = [getter(wildcards) for getter in getters]
         paths = [path for one in found for path in ([one] if isinstance(one, str) else one)]
-        return [content_of(path) for path in dict.fromkeys(paths)]
+        words = [content_of(path) for path in dict.fromkeys(paths)]
+        return words + [word for part in parts for word in part(wildcards)]
+
+    return told
+
+
+def clocks_by_hand(sequences, cameras):
+    """What a person said of the clocks of these cameras, for `contents_of`: that another's changed runs nothing again.
+
+    `sequences` and `cameras`: functions that give one or several names.
+    """
+
+    def told(wildcards):
+        names, walks = cameras(wildcards), sequences(wildcards)
+        names = [names] if isinstance(names, str) else names
+        return [
+            f"{path} {sha256(repr(said).encode()).hexdigest()}"
+            for walk in ([walks] if isinstance(walks, str) else walks)
+            for path in PROJECT.offsets(walk)
+            if (said := PROJECT.clocks_by_hand(walk, names))
+        ]
 
     return told
 
