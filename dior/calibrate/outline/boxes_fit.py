@@ -430,7 +430,7 @@ class Reading:
         inverse[free] = np.linalg.inv(H[free])
         meat = inflation * (rows.J * (weight**2 * rows.residual**2)[:, None]).T @ rows.J / self.sd**4
         meat = meat * len(rows.residual) / max(len(rows.residual) - self.free.sum(), 1)
-        meat[free] += self.prior[free]
+        meat[free] += seen_edges.of_prior(self.prior, self.freedom)[free]
         # what moves a point moves the edge: by_point along its axis; what moves all edges moves the camera as far
         pull = slope * inverse @ (rows.J * weight[:, None]).T / self.sd**2
         points = self.seen.at(self.clocks)[0]

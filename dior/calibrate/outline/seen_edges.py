@@ -29,9 +29,10 @@ HABIT_PX = 0.5
 class Freedom:
     """Standard errors of what is known before: `turn` (3,) rad, `shift` (3,) m along, right and up, `focal` of the log.
 
-    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u. `habit_px`: of
-    what each edge is drawn further out than that in every box: top against bottom looks like a tilt and left against
-    right like a pan, so that no number of boxes tells it. `clock_s` and `drift_ppm` (K,): of the clocks of the K walks.
+    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u, by which habits
+    part them included. `habit_px`: of what each edge is drawn further out than that in every box: top against bottom
+    looks like a tilt and left against right like a pan, so that no number of boxes tells it. `clock_s` and `drift_ppm`
+    (K,): of the clocks of the K walks.
     """
 
     turn: tuple[float, float, float] = (np.radians(5), np.radians(5), np.radians(3))
@@ -106,6 +107,23 @@ class EdgeObservations:
         )  # fmt: skip
 
 
+def _margins(freedom: Freedom, habit_px: float) -> Floats:
+    """Covariance (2, 2) px^2 of the margins of u and v, without the part that `habit_px` has in what parts them."""
+    common, half = freedom.margin_px**2, max(freedom.margin_split_px**2 - habit_px**2, 0.0) / 2
+    return np.array([[common + half, common - half], [common - half, common + half]])
+
+
+def of_prior(P: Floats, freedom: Freedom) -> Floats:
+    """What the prior of precision P (as `prior` gives it) has in the scatter of the gradient: P, if what is known were
+    as uncertain as it says. The habit, which the margins' prior allows for, is counted edge by edge elsewhere, and must
+    not count twice where only one edge of an axis tells (`edge_errors.of_habit`)."""
+    out = P.copy()
+    if freedom.margin_px > 0:
+        own = P[7:9, 7:9]
+        out[7:9, 7:9] = own @ _margins(freedom, freedom.habit_px) @ own
+    return out
+
+
 def prior(freedom: Freedom, walks: int = 0) -> Floats:
     """Precision (9 + 2K, 9 + 2K) of the parameters; 1e18 for what is held."""
     clocks = np.zeros((walks, 2))
@@ -113,9 +131,5 @@ def prior(freedom: Freedom, walks: int = 0) -> Floats:
         clocks[:, 0], clocks[:, 1] = freedom.clock_s, freedom.drift_ppm or 0.0
     sd = np.array([*freedom.turn, *freedom.shift, freedom.focal, 1, 1, *clocks.ravel()], float)
     P = np.diag([1 / s**2 if s > 0 else 1e18 for s in sd])
-    if freedom.margin_px > 0:
-        common, half = freedom.margin_px**2, freedom.margin_split_px**2 / 2
-        P[7:9, 7:9] = np.linalg.inv([[common + half, common - half], [common - half, common + half]])
-    else:
-        P[7:9, 7:9] = 1e18 * np.eye(2)
+    P[7:9, 7:9] = np.linalg.inv(_margins(freedom, 0.0)) if freedom.margin_px > 0 else 1e18 * np.eye(2)
     return P

@@ -200,6 +200,25 @@ def test_the_unequal_part_of_a_habit_turns_the_camera_by_half_of_it(sides, turn)
     assert abs(found.values[turn] - plain.values[turn]) * 760 == pytest.approx(0.5, abs=0.05)
 
 
+def test_a_habit_counts_once_where_a_wall_leaves_one_edge_of_an_axis():
+    """The upper edge alone tells the tilt: its habit, and what parts the margins of u and v beside habits."""
+    points, random = body(), np.random.default_rng(4)
+    split, habit = 0.3, 0.5
+    free = replace(FREE, shift=(0, 0, 0), margin_split_px=float(np.hypot(split, habit)), habit_px=habit)
+    uv = project(true_camera(), points)[0]
+    line = (uv[:, :2, 1].mean() + uv[:, 2:6, 1].max()) / 2
+    above, off = np.where((uv[..., 1] < line)[..., None], uv, uv[:, 8:9]), []
+    for seed in range(80):
+        margins = 2.0 + split / np.sqrt(2) * random.standard_normal(2)
+        outwards = margins[boxes_fit.AXIS] + habit * random.standard_normal(4)
+        edges = boxes(above, outwards)
+        edges[:, 3] = line + outwards[3]
+        edges += np.random.default_rng(seed).standard_normal(edges.shape)
+        found = boxes_fit.fit(true_camera(), free, seen(points, edges), "cam04", occluder="below")
+        off.append(found.values[0] / np.sqrt(found.covariance[0, 0]))
+    assert 0.85 < np.sqrt(np.mean(np.square(off))) < 1.15
+
+
 def test_an_outline_that_lies_further_out_is_in_the_covariance():
     points = body()
     edges = boxes(project(true_camera(), points)[0], 0.0, 0.5)
