@@ -3,7 +3,7 @@
 usage: python -m benchmarks.reid_train FOLDER [NETWORK] [STEPS] [SESSION ...]
 
 FOLDER: of benchmarks.reid, whose gallery of different people is taken or made. NETWORK: gaitmixer (default) or
-gaitgraph, from the released weights where they are there, else from random ones. SESSION ...: sessions to test with
+another, from the released weights where they are there, else from random ones. SESSION ...: sessions to test with
 (such as field field_2 field_3); without, the last walk of every subject in each session.
 """
 
@@ -29,7 +29,7 @@ def main():
 def compare(name, steps, sheet, shown, walks, parts, out):
     for row in of_baseline(sheet, shown, walks, parts):
         told("baseline", *row)
-    weights = reid.WEIGHTS / reid.FILES[name]
+    weights = reid.WEIGHTS / reid.FILES.get(name, f"{name}.pt")
     began = time.monotonic()
     found = train.train_and_test(name, shown, parts, out, weights if weights.is_file() else None, steps)
     seconds = time.monotonic() - began

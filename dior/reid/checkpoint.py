@@ -245,9 +245,8 @@ def fill(network: "nn.Module", weights: Tensors, name: str, path: AnyPath) -> No
     torch = networks.torch()
     wanted = network.state_dict()
     weights = dict(weights)
-    for key in ("A", "input_branches.0.A"):
-        if key in wanted:
-            _check_graph(weights.setdefault(key, wanted[key].numpy()), wanted[key].numpy(), path)
+    for key in filter(_is_graph, wanted):
+        _check_graph(weights.setdefault(key, wanted[key].numpy()), wanted[key].numpy(), path)
     problem = _difference(weights, {key: tuple(value.shape) for key, value in wanted.items()})
     if problem:
         raise DiorError(f"{path}: not weights of {name}: {problem}{_other(name, weights)}")
@@ -255,6 +254,10 @@ def fill(network: "nn.Module", weights: Tensors, name: str, path: AnyPath) -> No
         if not np.isfinite(value).all():
             raise DiorError(f"{path}: {key} has values that are no numbers; get the checkpoint again")
     network.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()}, strict=True)
+
+
+def _is_graph(key: str) -> bool:
+    return key.rsplit(".", 1)[-1] == "A"
 
 
 def _check_graph(given: NDArray[Any], expected: NDArray[Any], path: AnyPath) -> None:
@@ -280,7 +283,7 @@ def _other(name: str, weights: Tensors) -> str:
     """`; they fit gaitmixer` where another network takes them."""
     for other in networks.NAMES:
         shapes = {key: tuple(value.shape) for key, value in networks.build(other).state_dict().items()}
-        own = {key: value for key, value in weights.items() if other == "gaitgraph" or not key.endswith("A")}
+        own = {key: value for key, value in weights.items() if key in shapes or not _is_graph(key)}
         if other != name and not _difference(own, shapes):
             return f"; they fit {other}"
     return ""

@@ -1,14 +1,18 @@
 """What a network is trained to make small, as the authors of each did.
 
-INPUTS   unit embeddings z (N, 128), and of whom each is (N,): torch tensors. OUTPUTS  a scalar
+INPUTS   embeddings z (N, 128), and of whom each is (N,): torch tensors; unit ones but for GaitGraph2's
+OUTPUTS  a scalar
 """
 
 import torch
+from torch.nn import functional
 
 # GaitGraph (spec of its scripts): temperature of the contrast, and the one that its size is told in
 TEMPERATURE, BASE_TEMPERATURE = 0.01, 0.07
 # GaitMixer: how much further another person must be, and how close a pair must come to count
 MARGIN, NEAR = 0.01, 0.1
+# of a squared distance, since the root has no slope at 0
+LEAST = 1e-8
 
 
 def contrast(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
@@ -16,13 +20,29 @@ def contrast(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
 
     Every embedding against all others, those of the same subject being right.
     """
-    near = z @ z.T / TEMPERATURE
-    own = torch.eye(len(z), dtype=torch.bool, device=z.device)
+    return TEMPERATURE / BASE_TEMPERATURE * _surprise(z @ z.T / TEMPERATURE, subjects)
+
+
+def distance_contrast(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
+    """The same over the Euclidean distances of embeddings of any length, made 1 first; without the second temperature
+    (GaitGraph2: pytorch-metric-learning's SupConLoss with its LpDistance)."""
+    unit = functional.normalize(z, dim=1)
+    return _surprise(-_far(unit @ unit.T) / TEMPERATURE, subjects)
+
+
+def _surprise(near: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
+    """Minus the mean log share of the right ones, by the logits (N, N) of each embedding against each."""
+    own = torch.eye(len(near), dtype=torch.bool, device=near.device)
     right = (subjects[:, None] == subjects) & ~own
     log_share = near - torch.logsumexp(near.masked_fill(own, -torch.inf), dim=1, keepdim=True)
     some = right.any(dim=1)
     each = (log_share * right).sum(dim=1)[some] / right.sum(dim=1)[some]
-    return -(TEMPERATURE / BASE_TEMPERATURE) * each.mean()
+    return -each.mean()
+
+
+def _far(near: torch.Tensor) -> torch.Tensor:
+    """Euclidean distances of unit vectors by their products."""
+    return torch.sqrt(torch.clamp(2 - 2 * near, min=LEAST))
 
 
 def triplets(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
@@ -38,10 +58,9 @@ def triplets(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
     hardest_other = near.masked_fill(~other, -torch.inf).amax(dim=1, keepdim=True)
     hardest_same = near.masked_fill(~same, torch.inf).amin(dim=1, keepdim=True)
     same, other = same & (near - NEAR < hardest_other), other & (near + NEAR > hardest_same)
-    # no slope at distance 0
-    far = torch.sqrt(torch.clamp(2 - 2 * near, min=1e-8))
+    far = _far(near)
     lost = torch.relu(far[:, :, None] - far[:, None, :] + MARGIN) * (same[:, :, None] & other[:, None, :])
     return lost.sum() / (lost > 0).sum().clamp(min=1)
 
 
-OF = {"gaitgraph": contrast, "gaitmixer": triplets, "gaitformer": triplets}
+OF = {"gaitgraph": contrast, "gaitmixer": triplets, "gaitformer": triplets, "gaitgraph2": distance_contrast}

@@ -18,6 +18,7 @@ import math
 import time
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -37,13 +38,31 @@ if TYPE_CHECKING:
 ADAPTATION = "canonical"
 # chosen: minutes on two cores for a lab's gallery; the seed is any
 STEPS, SEED = 200, 1
-# subjects of a batch; of each, sequences and views of a sequence (the contrast needs two); chosen: small batches for
-# galleries of few people
-PEOPLE, SEQUENCES, VIEWS = 8, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4}, {"gaitgraph": 2}
-# the largest step of the optimiser, from random weights and from given ones
-RATE = {"gaitgraph": (1e-2, 1e-3), "gaitmixer": (6e-3, 2e-3), "gaitformer": (6e-3, 2e-3)}
-# of the weights, as the authors of the networks
-DECAY = 1e-5
+# subjects of a batch; chosen: small batches for galleries of few people
+PEOPLE = 8
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a network is trained, by its authors but for the batch's size and the step from given weights (chosen).
+
+    `sequences` of each subject of a batch, `views` of each (GaitGraph's contrast needs two); `rate`: the optimiser's
+    largest step, from random weights and from given ones; `optimiser` of torch.optim, and its `decay` of weights.
+    """
+
+    sequences: int
+    rate: tuple[float, float]
+    views: int = 1
+    optimiser: str = "Adam"
+    decay: float = 1e-5
+
+
+RECIPES = {
+    "gaitgraph": Recipe(2, (1e-2, 1e-3), views=2),
+    "gaitmixer": Recipe(4, (6e-3, 2e-3)),
+    "gaitformer": Recipe(4, (6e-3, 2e-3)),
+    "gaitgraph2": Recipe(4, (5e-3, 5e-4), optimiser="AdamW"),
+}
 # s between two savings; chosen: little is lost, and saving takes no time to speak of
 SAVE_S = 30.0
 # of a held-out walk: found among the others' training walks, from other cameras
@@ -55,7 +74,7 @@ def run(
     *,
     project: Path = Path("."),
     labels: Path,
-    network: Literal["gaitgraph", "gaitmixer", "gaitformer"],
+    network: Literal["gaitgraph", "gaitmixer", "gaitformer", "gaitgraph2"],
     out: Path,
     weights: Path | None = None,
     test_sessions: list[str] | None = None,
@@ -163,8 +182,9 @@ def trained(
     if weights:
         checkpoint.fill(network, checkpoint.read(weights), name, weights)
     network.to(device).train()
-    most = RATE[name][1 if weights else 0]
-    optimiser = torch.optim.Adam(network.parameters(), lr=most, weight_decay=DECAY)
+    recipe = RECIPES[name]
+    most = recipe.rate[1 if weights else 0]
+    optimiser = getattr(torch.optim, recipe.optimiser)(network.parameters(), lr=most, weight_decay=recipe.decay)
     numbers = protocols.numbered(subjects)
     state, job = Path(f"{out}.training.npz"), _job(name, sequences, numbers, weights, steps, seed)
     losses, rates = _resumed(state, job, network, optimiser), one_cycle(steps, most)
@@ -201,7 +221,8 @@ def _step(
     random = np.random.default_rng([seed, step])
     # dropout
     torch.manual_seed(int(random.integers(2**31)))
-    picked = np.repeat(augment.batch(numbers, PEOPLE, SEQUENCES[name], random), VIEWS.get(name, 1))
+    recipe = RECIPES[name]
+    picked = np.repeat(augment.batch(numbers, PEOPLE, recipe.sequences, random), recipe.views)
     given = batch_of(name, [sequences[i] for i in picked.tolist()], random)
     device = next(network.parameters()).device
     found = network(torch.from_numpy(given).to(device))
@@ -214,10 +235,11 @@ def _step(
 
 def batch_of(name: str, sequences: Sequence[Floats], random: np.random.Generator) -> NDArray[np.float32]:
     """Input of a network, float32, of sequences (F, 17, 2), each augmented."""
-    parts = [augment.augmented(uv, random) for uv in sequences]
-    if name != "gaitgraph":
-        return (np.stack(parts) / embed.PICTURE).astype(np.float32)
-    made = [embed.middle(part, augment.confidences(embed.CONFIDENCE, random)[..., None]) for part in parts]
+    augmented = augment.OWN.get(name, augment.augmented)
+    parts = [augmented(uv, random) for uv in sequences]
+    if name not in embed.SURE:
+        return np.stack([embed.given(name, part, np.nan) for part in parts]).astype(np.float32)
+    made = [embed.given(name, part, augment.confidences(embed.CONFIDENCE, random)[..., None]) for part in parts]
     return np.stack(made).astype(np.float32)
 
 

@@ -17,7 +17,7 @@ def test_windows_are_those_of_the_authors():
 
 
 def test_gaitgraph_sees_the_middle_with_a_confidence():
-    given = embed.middle(SEQUENCE, 1.0)
+    given = embed.given("gaitgraph", embed.middle(SEQUENCE), 1.0)
     assert given.shape == (1, 3, 60, 17)
     assert (given[0, :2] == np.moveaxis(SEQUENCE[120:180], -1, 0)).all() and (given[0, 2] == 1).all()
 

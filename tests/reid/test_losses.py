@@ -23,6 +23,19 @@ def test_the_contrast_is_the_mean_log_share_of_the_right_ones():
     assert float(losses.contrast(z, who)) == pytest.approx(-0.01 / 0.07 * np.mean(expected), rel=1e-9)
 
 
+def test_the_contrast_of_distances_is_the_mean_log_share_by_how_far_they_are():
+    angles, who = np.deg2rad([0, 5, 9, 20]), torch.tensor([0, 0, 1, 1])
+    near = -2 * np.sin(np.abs(angles[:, None] - angles) / 2) / 0.01
+    expected = []
+    for a in range(4):
+        others = [b for b in range(4) if b != a]
+        share = np.exp(near[a, others] - near[a, others].max())
+        expected.append(np.log(share[others.index(a ^ 1)] / share.sum()))
+    # of any length
+    z = unit([0, 5, 9, 20]) * torch.tensor([1.0, 2.0, 0.5, 3.0])[:, None]
+    assert float(losses.distance_contrast(z, who)) == pytest.approx(-np.mean(expected), rel=1e-6)
+
+
 def test_well_separated_people_lose_nothing():
     z, who = unit([0, 0.1, 180, 180.1]), torch.tensor([0, 0, 1, 1])
     assert float(losses.contrast(z, who)) < 1e-6 and float(losses.triplets(z, who)) == 0
@@ -48,5 +61,6 @@ def test_triplets_count_hard_pairs_by_the_margin():
 
 def test_equal_embeddings_have_a_slope():
     z = unit([0, 0, 0, 0]).requires_grad_()
-    losses.triplets(z, torch.tensor([0, 0, 1, 1])).backward()
-    assert torch.isfinite(z.grad).all()
+    for loss in set(losses.OF.values()):
+        loss(z, torch.tensor([0, 0, 1, 1])).backward()
+        assert torch.isfinite(z.grad).all()

@@ -1,6 +1,7 @@
 """Training: what it learns, that it is the same twice, and that it goes on where it was stopped."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,13 +18,13 @@ from tests.cases import slow  # noqa: E402
 SUBJECTS, WALKS, FRAMES = 3, 3, 64
 
 
-def sequences(seed=0):
+def sequences(seed=0, walks=WALKS):
     """People who are broad or narrow: (subjects x walks) sequences (64, 17, 2) px, and of whom they are."""
     random = np.random.default_rng(seed)
     base = np.stack([random.uniform(-20, 20, 17), np.linspace(-50, 50, 17)], axis=-1)
     found, who = [], []
     for subject in range(SUBJECTS):
-        for _ in range(WALKS):
+        for _ in range(walks):
             turn = 0.2 * np.arange(FRAMES) + random.uniform(0, 6)
             uv = base * (0.5 + 0.5 * subject, 1.0) + 5 * np.sin(turn)[:, None, None] * (1.0, 0.0)
             found.append(uv + inputs.MIDDLE + random.standard_normal(uv.shape))
@@ -34,18 +35,22 @@ def sequences(seed=0):
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     monkeypatch.setattr(train, "PEOPLE", 2)
-    monkeypatch.setattr(train, "SEQUENCES", dict.fromkeys(networks.NAMES, 2))
+    few = {name: replace(recipe, sequences=2) for name, recipe in train.RECIPES.items()}
+    monkeypatch.setattr(train, "RECIPES", few)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(threads)
 
 
-SLOW = [slow(name) for name in ("gaitgraph", "gaitformer")]
+SLOW = [slow(name) for name in ("gaitgraph", "gaitformer", "gaitgraph2")]
 
 
 # the contrast of 3 right ones shares the probability: it cannot be less
 LEAST = {"gaitgraph": losses.TEMPERATURE / losses.BASE_TEMPERATURE * np.log(3)}
+NEWER = ("gaitgraph2",)
+# batches; chosen: few, and enough
+STEPS = {"gaitgraph2": 12}
 
 
 @pytest.mark.parametrize("name", ["gaitmixer", *SLOW])
@@ -59,10 +64,26 @@ def test_the_loss_goes_down_and_the_weights_can_be_loaded(name, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["w.pt"]
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path):
+@pytest.mark.parametrize("name", NEWER)
+def test_two_made_up_walkers_are_told_apart(name, tmp_path):
+    """Two people who differ in breadth, walks that the training has not seen, from few steps."""
+    given, who = sequences()
+    two = [i for i, subject in enumerate(who) if subject != "S1"]
+    train.trained(name, [given[i] for i in two], who[two], tmp_path / "w.pt", steps=STEPS[name])
+    loaded = checkpoint.load(name, tmp_path / "w.pt")
+    new = sequences(walks=2 * WALKS)[0]
+    unseen = [new[i] for i in range(len(new)) if i // (2 * WALKS) != 1]
+    found = embed.embeddings(name, loaded, [*(given[i] for i in two), *unseen])
+    far = embed.distances(name, found)[len(two) :, : len(two)]
+    nearest = who[two][far.argmin(axis=1)]
+    assert nearest.tolist() == ["S0"] * 2 * WALKS + ["S2"] * 2 * WALKS
+
+
+@pytest.mark.parametrize("name", ["gaitgraph", *NEWER])
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(name, tmp_path):
     given, who = sequences()
     for file, seed in (("a.pt", 1), ("b.pt", 1), ("c.pt", 2)):
-        train.trained("gaitgraph", given, who, tmp_path / file, steps=2, seed=seed)
+        train.trained(name, given, who, tmp_path / file, steps=2, seed=seed)
     a, b, c = ((tmp_path / file).read_bytes() for file in ("a.pt", "b.pt", "c.pt"))
     assert a == b != c
 

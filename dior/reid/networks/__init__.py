@@ -1,8 +1,9 @@
-"""Three skeleton gait networks, with the parameter names of their authors' checkpoints (PyTorch).
+"""Skeleton gait networks, with the parameter names of their authors' code (PyTorch).
 
-`build(name)` gives a network in evaluation mode that makes unit embeddings (N, 128) of COCO-17 sequences.
-GaitGraph: Teepe et al., ICIP 2021; GaitMixer and GaitFormer: Pinyoanuntapong et al., ICASSP 2023. PyTorch is optional
-(requirements-reid.txt) and imported only here and below.
+`build(name)` gives a network in evaluation mode that makes embeddings (N, 128) of COCO-17 sequences.
+GaitGraph: Teepe et al., ICIP 2021; GaitMixer and GaitFormer: Pinyoanuntapong et al., ICASSP 2023: the paper's three,
+whose embeddings are of length 1. GaitGraph2: Teepe et al., CVPRW 2022. PyTorch is optional (requirements-reid.txt) and
+imported only here and below.
 """
 
 from types import ModuleType
@@ -14,7 +15,7 @@ from dior.errors import DiorError, nearest
 if TYPE_CHECKING:
     from torch import nn
 
-NAMES = ("gaitgraph", "gaitmixer", "gaitformer")
+NAMES = ("gaitgraph", "gaitmixer", "gaitformer", "gaitgraph2")
 FRAMES, EMBEDDING = 60, 128
 INSTALL = "pip install -r requirements-reid.txt"
 
@@ -41,9 +42,10 @@ def build(name: str) -> "nn.Module":
     torch()
     from dior.reid.networks.gaitformer import GaitFormer
     from dior.reid.networks.gaitgraph import GaitGraph
+    from dior.reid.networks.gaitgraph2 import GaitGraph2
     from dior.reid.networks.gaitmixer import GaitMixer
 
-    kinds: dict[str, type[nn.Module]] = dict(zip(NAMES, (GaitGraph, GaitMixer, GaitFormer), strict=True))
+    kinds: dict[str, type[nn.Module]] = dict(zip(NAMES, (GaitGraph, GaitMixer, GaitFormer, GaitGraph2), strict=True))
     if name not in kinds:
         raise DiorError(f"there is no network '{name}'{nearest(name, NAMES)}")
     return kinds[name]().eval()

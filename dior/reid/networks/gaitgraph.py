@@ -4,6 +4,8 @@ INPUT   (N, 1, 3, T, 17): x, y in pixels of a 320x240 picture, confidence. OUTPU
 Any T; trained with 60. A block mixes joints (spatial), then times (temporal), in a bottleneck an eighth as wide.
 """
 
+from collections.abc import Iterable, Sequence
+
 import torch
 from torch import nn
 from torch.nn import functional
@@ -98,14 +100,14 @@ class Block(nn.Module):
 
 
 class Branch(nn.Module):
-    """The input's own blocks."""
+    """The input's own blocks, the first without a bottleneck; `widths`: of the others."""
 
-    def __init__(self, graph: torch.Tensor) -> None:
+    def __init__(self, channels: int, widths: Sequence[tuple[int, int, int]], graph: torch.Tensor) -> None:
         super().__init__()
         self.register_buffer("A", graph.clone())
-        self.bn = nn.BatchNorm2d(3)
-        first = Block(BasicSpatial(3, 64), BasicTemporal(64), graph)
-        self.layers = nn.ModuleList([first, _bottleneck(64, 64, 1, graph), _bottleneck(64, 32, 1, graph)])
+        self.bn = nn.BatchNorm2d(channels)
+        first = Block(BasicSpatial(channels, 64), BasicTemporal(64), graph)
+        self.layers = nn.ModuleList([first, *bottlenecks(widths, graph)])
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = self.bn(x)
@@ -119,21 +121,31 @@ class GaitGraph(nn.Module):
         super().__init__()
         graph = torch.tensor(adjacency(), dtype=torch.float32)
         self.register_buffer("A", graph)
-        self.input_branches = nn.ModuleList([Branch(graph)])
+        self.input_branches = nn.ModuleList([Branch(3, ((64, 64, 1), (64, 32, 1)), graph)])
         widths = ((32, 128, 2), (128, 128, 1), (128, 256, 2), (256, 256, 1))
-        self.main_stream = nn.ModuleList([_bottleneck(*width, graph) for width in widths])
+        self.main_stream = bottlenecks(widths, graph)
         self.fcn = nn.Linear(256, EMBEDDING)
-        _initialise(self)
+        initialise(self, self.fcn)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        y = self.input_branches[0](x[:, 0])
-        for block in self.main_stream:
-            y = block(y, self.A)
-        return functional.normalize(self.fcn(y.mean(dim=(2, 3))), dim=1)
+        return functional.normalize(joined(x, self.input_branches, self.main_stream, self.fcn, self.A), dim=1)
 
 
-def _bottleneck(inside: int, outside: int, stride: int, graph: torch.Tensor) -> Block:
-    return Block(BottleneckSpatial(inside, outside), BottleneckTemporal(outside, stride), graph)
+def joined(
+    x: torch.Tensor, branches: Iterable[nn.Module], stream: Iterable[nn.Module], head: nn.Module, graph: torch.Tensor
+) -> torch.Tensor:
+    """x (N, branches, C, T, 17), a part for each branch, through what follows them -> (N, 128), of any length."""
+    y = torch.cat([branch(x[:, i]) for i, branch in enumerate(branches)], dim=1)
+    for block in stream:
+        y = block(y, graph)
+    return head(y.mean(dim=(2, 3)))
+
+
+def bottlenecks(widths: Iterable[tuple[int, int, int]], graph: torch.Tensor) -> nn.ModuleList:
+    """Blocks by their channels inside and outside and their step in time."""
+    return nn.ModuleList(
+        [Block(BottleneckSpatial(a, b), BottleneckTemporal(b, stride), graph) for a, b, stride in widths]
+    )
 
 
 def _over_time(channels: int, stride: int) -> nn.Conv2d:
@@ -145,7 +157,7 @@ def _matched(inside: int, outside: int, stride: int) -> nn.Sequential:
     return nn.Sequential(nn.Conv2d(inside, outside, 1, (stride, 1)), nn.BatchNorm2d(outside))
 
 
-def _initialise(network: GaitGraph) -> None:
+def initialise(network: nn.Module, head: nn.Linear) -> None:
     """The authors' start: Kaiming convolutions; a bottleneck adds nothing at first."""
     for name, module in network.named_modules():
         if isinstance(module, nn.Conv2d):
@@ -153,5 +165,5 @@ def _initialise(network: GaitGraph) -> None:
             nn.init.zeros_(module.bias)
         if isinstance(module, nn.BatchNorm2d) and name.endswith("bn_up"):
             nn.init.zeros_(module.weight)
-    nn.init.normal_(network.fcn.weight, 0.0, 0.001)
-    nn.init.zeros_(network.fcn.bias)
+    nn.init.normal_(head.weight, 0.0, 0.001)
+    nn.init.zeros_(head.bias)
