@@ -6,6 +6,7 @@ Who of several people is the subject is told by how they move (dior/ingest/peopl
 keypoint counts, whatever its score, as in the detectors' figures.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,11 @@ def camera_walks(
         tool = row["tool"] if zoom == 1 else f"{row['tool']} {zoom}x"
         mine = tables.of_camera(pictures, camera)
         people, _ = detectors.read(
-            row["path"], mine, zoom, f"{detectors.SHEET}: {where}, {camera}, {tool}", int(row.get("first_frame") or 0)
+            Path(row["path"]),
+            mine,
+            zoom,
+            f"{detectors.SHEET}: {where}, {camera}, {tool}",
+            int(row.get("first_frame") or 0),
         )
         lacks = [name for name in COCO_17 if name not in people.joints]
         if lacks:

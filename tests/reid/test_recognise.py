@@ -191,7 +191,7 @@ def test_a_detector_without_coco_joints_is_told(tmp_path):
     rows[..., :2] = 100 + np.arange(18)[:, None]
     found = [{"image_id": i, "score": 1, "keypoints": one.ravel().tolist()} for i, one in enumerate(rows)]
     (tmp_path / "found.json").write_text(json.dumps(found))
-    given = [{"camera": "cam04", "tool": "openpose", "zoom": "1", "path": tmp_path / "found.json"}]
+    given = [{"camera": "cam04", "tool": "openpose", "zoom": "1", "path": str(tmp_path / "found.json")}]
     own, lacking = detected.camera_walks(given, paths["frames"][4], "outdoor_01")
     assert not lacking and own[0][2].uv.shape == (FRAMES, 17, 2) and own[0][0] == "openpose"
     assert np.isfinite(own[0][2].uv).all()
