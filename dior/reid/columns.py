@@ -4,7 +4,8 @@ KEYS = ("method", "weights", "adaptation", "keypoints", "protocol", "environment
 # table.csv
 COLUMNS = (
     *(*KEYS, "rank1", "low", "high", "hits", "n", "chance"),
-    *("null95", "p", "rank5", "mean_ap", "verdict"),
+    *("null95", "p", "rank5", "rank5_low", "rank5_high", "mean_ap", "mean_ap_low", "mean_ap_high"),
+    *("mean_inp", "mean_inp_low", "mean_inp_high", "tar", "tar_low", "tar_high", "verdict"),
 )
 # cmc.csv
 CURVES = (*KEYS, "rank", "share")

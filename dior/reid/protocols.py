@@ -46,18 +46,19 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """R trials: the probe's item (R,), the gallery's items from the nearest on (R, G), -1 where it has no more, and the
-    view of the probe (R,) as an index into `views`."""
+    """R trials: the probe's item (R,), the gallery's items from the nearest on (R, G), -1 where it has no more, how far
+    they are (R, G), NaN there, and the view of the probe (R,) as an index into `views`."""
 
     probe: Ints
     ranked: Ints
+    far: Floats
     view: Ints
     views: tuple[ProbeView, ...]
 
     def of(self, view: ProbeView) -> "Trials":
         """The trials of one probe camera."""
         keep = self.view == self.views.index(view)
-        return Trials(self.probe[keep], self.ranked[keep], self.view[keep], self.views)
+        return Trials(self.probe[keep], self.ranked[keep], self.far[keep], self.view[keep], self.views)
 
 
 def trials(distances: ArrayLike, items: Sequence[Item], protocol: str, held_out: Bools | None = None) -> Trials:
@@ -89,7 +90,8 @@ def trials(distances: ArrayLike, items: Sequence[Item], protocol: str, held_out:
     for row, order in zip(filled, ranked, strict=True):
         row[: len(order)] = order
     probe = np.array(probes, int)
-    return Trials(probe, filled, view[probe], views)
+    far = np.where(filled >= 0, distances[probe[:, None], filled], np.nan)
+    return Trials(probe, filled, far, view[probe], views)
 
 
 def _galleries(views: Sequence[ProbeView], p: int, protocol: str) -> list[list[int]]:
@@ -125,3 +127,21 @@ def average_precision(match: Bools) -> Floats:
     right = match.cumsum(axis=1)
     place = np.arange(1, match.shape[1] + 1)
     return np.where(match, right / place, 0.0).sum(axis=1) / match.sum(axis=1)
+
+
+def inverse_precision(match: Bools) -> Floats:
+    """Inverse negative penalty (R,) (Ye et al., TPAMI 2021): the subject's sequences over the place of the last one."""
+    last = match.shape[1] - match[:, ::-1].argmax(axis=1)
+    return match.sum(axis=1) / last
+
+
+def accepted(found: Trials, match: Bools, share: float) -> Bools:
+    """Pairs (R, G) of a probe and its own subject that are nearer than all but a `share` of the pairs of two people.
+
+    One threshold for all trials; where it would be an extrapolation, with fewer pairs of two people than 1 / `share`,
+    raises ValueError.
+    """
+    others = np.sort(found.far[~match & (found.ranked >= 0)])
+    if len(others) * share < 1:
+        raise ValueError(f"{len(others)} pairs of two people say nothing of a share of {share:g}")
+    return match & (found.far < others[int(len(others) * share)])

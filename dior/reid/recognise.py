@@ -310,9 +310,18 @@ def rows_of(
                 | {"protocol": protocol, "environment": view[0], "camera": view[1]}
                 | {"rank1": score.rank1, "low": score.low, "high": score.high, "hits": score.hits, "n": score.n}
                 | {"chance": score.chance, "null95": score.null, "p": score.p, "rank5": score.cmc[4]}
-                | {"mean_ap": score.mean_ap, "verdict": score.verdict, "cmc": score.cmc}
+                | {"mean_ap": score.mean_ap, "mean_inp": score.mean_inp, "tar": score.tar}
+                | _ends("rank5", score.rank5_range)
+                | _ends("mean_ap", score.mean_ap_range)
+                | _ends("mean_inp", score.mean_inp_range)
+                | _ends("tar", score.tar_range)
+                | {"verdict": score.verdict, "cmc": score.cmc}
             )
     return rows
+
+
+def _ends(column: str, interval: tuple[float, float]) -> Row:
+    return dict(zip((f"{column}_low", f"{column}_high"), interval, strict=True))
 
 
 def as_csv(rows: list[Row]) -> str:

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dior.arrays import Floats, Ints
+from dior.arrays import Bools, Floats, Ints
 from dior.evaluate import bootstrap
 from dior.reid import protocols
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, NO_TRIAL
@@ -21,12 +22,17 @@ from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, NO_TRIAL
 RESAMPLES, SEED, LEVEL = 999, 20240105, 0.05
 # ranks of the curves; chosen
 CMC = 20
+# share of pairs of two people that are taken for one, at which TAR is told; chosen: the least of the usual ones that a
+# lab's gallery has pairs for
+FAR = 0.01
 
 
 @dataclass(frozen=True)
 class Score:
     """`hits` of `n` trials at rank 1, with the 95 % interval of their share; `chance` of that share; `null` the 95th
-    percentile of the null and `p`; `cmc` (CMC,) shares at rank 1, 2, ...; `mean_ap`."""
+    percentile of the null and `p`; `cmc` (CMC,) shares at rank 1, 2, ...; `mean_ap`, `mean_inp`; `tar`: share of the
+    pairs of one person that are accepted where FAR of those of two people are, NaN with fewer of these than 1 / FAR;
+    `*_range`: 95 % intervals (low, high)."""
 
     hits: int
     n: int
@@ -36,7 +42,13 @@ class Score:
     null: float
     p: float
     cmc: tuple[float, ...]
+    rank5_range: tuple[float, float]
     mean_ap: float
+    mean_ap_range: tuple[float, float]
+    mean_inp: float
+    mean_inp_range: tuple[float, float]
+    tar: float
+    tar_range: tuple[float, float]
 
     @property
     def rank1(self) -> float:
@@ -53,14 +65,16 @@ class Score:
 def score(found: protocols.Trials, items: Sequence[protocols.Item], exchanges: Ints | None = None) -> Score:
     """`Score` of trials. `exchanges`: what `exchanged` gives, where many scores share it."""
     if not len(found.probe):
-        return Score(0, 0, *bootstrap.NOTHING, np.nan, np.nan, np.nan, (np.nan,) * CMC, np.nan)
+        no, ends = np.nan, bootstrap.NOTHING
+        return Score(0, 0, *ends, no, no, no, (no,) * CMC, ends, no, ends, no, ends, no, ends)
     match = protocols.matches(found, items)
     curve = protocols.hits(match, CMC)
     first = curve[:, 0]
     subject = protocols.numbered([item.subject for item in items])[found.probe]
-    counts = np.bincount(subject)
-    some = counts > 0
-    low, high = bootstrap.of_mean(np.bincount(subject, first)[some].astype(float), counts[some])
+    each = np.ones(len(first))
+    low, high = _interval(first, each, subject)
+    precision, inverse = protocols.average_precision(match), protocols.inverse_precision(match)
+    tar, tar_range = _tar(found, match, subject)
     null = _null(found, exchanged(items) if exchanges is None else exchanges)
     return Score(
         hits=int(first.sum()),
@@ -71,8 +85,28 @@ def score(found: protocols.Trials, items: Sequence[protocols.Item], exchanges: I
         null=float(np.quantile(null, 1 - LEVEL)),
         p=float((1 + (null >= first.mean()).sum()) / (1 + len(null))),
         cmc=tuple(curve.mean(axis=0).tolist()),
-        mean_ap=float(protocols.average_precision(match).mean()),
+        rank5_range=_interval(curve[:, 4], each, subject),
+        mean_ap=float(precision.mean()),
+        mean_ap_range=_interval(precision, each, subject),
+        mean_inp=float(inverse.mean()),
+        mean_inp_range=_interval(inverse, each, subject),
+        tar=tar,
+        tar_range=tar_range,
     )
+
+
+def _interval(sums: ArrayLike, n: ArrayLike, subject: Ints) -> tuple[float, float]:
+    """95 % interval of sum(sums) / sum(n) over the people `subject` (R,) of whom the values (R,) are."""
+    total, of = np.bincount(subject, n), np.bincount(subject, sums).astype(float)
+    return bootstrap.of_mean(of[total > 0], total[total > 0])
+
+
+def _tar(found: protocols.Trials, match: Bools, subject: Ints) -> tuple[float, tuple[float, float]]:
+    """True acceptance at FAR and its interval; the threshold is that of all people, whoever is drawn."""
+    if (~match & (found.ranked >= 0)).sum() * FAR < 1:
+        return np.nan, bootstrap.NOTHING
+    taken, own = protocols.accepted(found, match, FAR).sum(axis=1), match.sum(axis=1)
+    return float(taken.sum() / own.sum()), _interval(taken, own, subject)
 
 
 def exchanged(items: Sequence[protocols.Item], resamples: int = RESAMPLES) -> Ints:

@@ -191,6 +191,8 @@ def _line(row: Row, tables: ReidTables) -> dict[str, Any]:
         "null": percent(row["null95"]),
         "rank5": percent(row["rank5"]),
         "map": percent(row["mean_ap"]),
+        "minp": percent(row["mean_inp"]),
+        "tar": percent(row["tar"]),
         "verdict": row["verdict"],
     }
 

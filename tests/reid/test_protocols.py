@@ -206,3 +206,40 @@ def test_the_null_and_its_p_are_of_the_exchanges_that_reach_the_rate():
     assert (score.hits, score.n) == (4, 4)
     assert score.p == pytest.approx(2 / 21)
     assert score.null == pytest.approx(0.05)
+
+
+def test_inverse_precision_is_by_the_last_right_one():
+    match = np.array([[True, True, False, False], [True, False, False, True], [False, True, False, False]])
+    assert protocols.inverse_precision(match) == pytest.approx([1, 2 / 4, 1 / 2])
+
+
+def test_tar_counts_pairs_of_one_person_nearer_than_all_but_one_of_a_hundred_others():
+    """By sorting all pairs at hand; perfect embeddings accept all, and random ones as many as there are false ones."""
+    items, random = items_of(), np.random.default_rng(8)
+    where = protocols.numbered([item.subject for item in items])
+    for noise in (0.0, 0.8, 100.0):
+        far = distances(of_subject(items, random, noise))
+        found = protocols.trials(far, items, "pooled")
+        score = statistics.score(found, items)
+        view = protocols.numbered(["".join(item.view) for item in items])
+        asked = view[:, None] != view
+        one = where[:, None] == where
+        others = np.sort(far[asked & ~one])
+        right = far[asked & one] < others[len(others) // 100]
+        assert score.tar == pytest.approx(right.mean())
+        assert score.tar_range[0] <= score.tar <= score.tar_range[1]
+        assert score.mean_inp_range[0] <= score.mean_inp <= score.mean_inp_range[1]
+        assert score.mean_ap_range[0] <= score.mean_ap <= score.mean_ap_range[1]
+        assert score.rank5_range[0] <= score.cmc[4] <= score.rank5_range[1]
+        if noise == 0:
+            assert score.tar == 1 and score.mean_inp == pytest.approx(1)
+    # nothing is known of who it is
+    assert abs(score.tar - 0.01) < 0.005
+
+
+def test_too_few_pairs_say_nothing_of_tar():
+    items = items_of(subjects=2, walks=1, cameras=("cam01", "cam02"))
+    found = protocols.trials(distances(np.random.default_rng(9).standard_normal((len(items), 4))), items, "pooled")
+    assert np.isnan(statistics.score(found, items).tar)
+    with pytest.raises(ValueError, match="pairs of two people say nothing"):
+        protocols.accepted(found, protocols.matches(found, items), 0.001)

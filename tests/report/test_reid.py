@@ -22,6 +22,8 @@ def row(method, weights, adaptation, protocol, view, rank1, keypoints="labels", 
     return dict(zip(recognise.KEYS, (method, weights, adaptation, keypoints, protocol, *view), strict=True)) | {
         "rank1": rank1, "low": max(rank1 - 0.04, 0.0), "high": rank1 + 0.04, "hits": round(rank1 * n), "n": n,
         "chance": 0.0714, "null95": 0.11, "p": 0.001 if good else 0.4, "rank5": share[4], "mean_ap": rank1,
+        **{f"{key}_{end}": rank1 for key in ("rank5", "mean_ap", "mean_inp", "tar") for end in ("low", "high")},
+        "mean_inp": rank1 / 2, "tar": rank1 / 4,
         "verdict": "above chance" if good else "at chance", "cmc": tuple(share.tolist()),
     }  # fmt: skip
 
