@@ -156,11 +156,9 @@ def true_rows(made, found):
     """The parameters of true events and prints, by (name, side) and the end of the step or stride."""
     true = true_events(made, found)
     prints = np.where(true.strike[:, None], made.contacts.heel, np.nan)
-    nothing = tracks.Tracks(
-        np.array([0.0, 1.0]), np.full((2, 3), np.nan), *(np.full((2, 2, 3), np.nan),) * 2,
-        *(np.zeros((2, 2, 3, 3)),) * 2, *(np.zeros((2, 2)),) * 2,
-    )  # fmt: skip
-    rows = [*parameters._steps(nothing, true, prints), *parameters._strides(nothing, true, prints)]
+    # no toes: a print of the contacts is a heel's
+    toes = np.full((len(true.seconds), 3), np.nan)
+    rows = [*parameters._steps(toes, true, prints), *parameters._strides(toes, true, prints)]
     out = {}
     for name, side, _, end, value in rows:
         out.setdefault((name, side), []).append((end, value.value))
