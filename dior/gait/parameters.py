@@ -39,7 +39,8 @@ USUAL_STANCE_S = 0.6
 # of the time in which a heel rests, so much is seen; chosen
 HALF_SEEN = 0.5
 # of the error that lasts for a second, this share of the standard deviation is gone by the next print of a foot, which
-# stands elsewhere before the cameras; chosen on simulated walks (benchmarks.gait)
+# stands elsewhere before the cameras; chosen on simulated walks (benchmarks.gait). Skin is where it was: what moves it
+# is the gait, which is the same a stride later
 FADES = 0.3
 
 
@@ -149,7 +150,8 @@ def _prints(tracks: Tracks, events: Events) -> tuple[Floats, _Errors]:
     turned = np.stack([np.stack([c, -n], axis=-1), np.stack([n, c], axis=-1)], axis=-2)
     sd = np.sqrt(np.maximum(np.trace(lasts, axis1=-2, axis2=-1) / 2, 0.0))
     sd = np.hypot(sd, DETECTED_M) if tracks.noise_time_s > 0 else sd
-    alike = np.outer(sd, sd) * same_side * ((1 - FADES**2) + FADES**2 * np.eye(count))
+    fades = FADES if tracks.noise_time_s > 0 else 0.0
+    alike = np.outer(sd, sd) * same_side * ((1 - fades**2) + fades**2 * np.eye(count))
     constant = alike[..., None, None] * np.einsum("pik,qjk->pqij", turned, turned)
     constant[np.arange(count), np.arange(count)] += spread + PRINT_SD_M**2 * np.eye(2)
     # a belt that is faster moves later prints further

@@ -90,6 +90,15 @@ def test_parameters_are_the_walkers():
     assert pooled["swing_share", "left"].value == pytest.approx(1 - pooled["stance_share", "left"].value)
 
 
+def test_skin_is_where_it_was_a_stride_before():
+    t, _, _ = walk(1.2)
+    sigmas = [r.sigma for r in parameters.of_walk(t, events.find(t))[0] if r.name == "stride_length"]
+    assert np.sqrt(2) * parameters.PRINT_SD_M < np.median(sigmas) < 1.6 * parameters.PRINT_SD_M
+    # the prints of two feet differ by the skin of both
+    sigmas = [r.sigma for r in parameters.of_walk(t, events.find(t))[0] if r.name == "step_length"]
+    assert np.median(sigmas) > np.sqrt(2) * tracks.SKIN_SIGMA_M
+
+
 def test_turns_are_left_out():
     t, _, _ = walk(1.1, half_length=1.5)
     found = events.find(t)
