@@ -36,9 +36,12 @@ STEP_S = 0.005
 # a heel moves at 0.3: lower shares scatter less there, higher ones are moved less by smoothing
 STRIKE_SHARE, LATER = 0.6, 0.021
 OFF_SHARE, EARLIER = 1.2, 0.010
-# the same of runners, whose feet come down and leave at other speeds; chosen on simulated ones, no real one was there
+# the same of runners' heels, which come down at another speed; chosen on simulated ones, no real one was there. Their
+# toes are off when they rise with this share of the highest speed at which they do: how fast they go forward then, as
+# the ankle stretches, differs among runners, while leaving the floor is to rise from it (De Witt, J. Biomech. 43 (2010)
+# 3067-3069, looks at the same coordinate). Chosen: half, where noise of either moves the crossing least
 STRIKE_SHARE_RUNNING, LATER_RUNNING = 0.6, 0.046
-OFF_SHARE_RUNNING, EARLIER_RUNNING = 0.35, 0.006
+RISEN = 0.5
 # a foot that swings is at least this fast at once, walking speeds; chosen: it must make up for its stance, so its
 # mean is above 1.4 in any gait
 SWING_SHARE = 1.25
@@ -95,13 +98,16 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
-    """Of one foot at all times (N,): forward speeds in walking speeds and their standard errors; and what is known."""
+    """Of one foot at all times (N,): forward speeds in walking speeds and their standard errors, m/s at which the toe
+    rises and its standard error; and what is known."""
 
     heel: Floats
     toe: Floats
     middle: Floats
     heel_sigma: Floats
     toe_sigma: Floats
+    rise: Floats
+    rise_sigma: Floats
     known: Bools
 
 
@@ -144,23 +150,26 @@ def _found(tracks: Tracks, times: Floats, belt: Floats) -> Events:
     feet = [_foot(tracks, side, times, going) for side in range(len(SIDES))]
     swings = [_swings(foot.middle, foot.known & ~going.standing, times) for foot in feet]
     running = _running(feet, swings, times)
-    later, earlier = (LATER_RUNNING, EARLIER_RUNNING) if running else (LATER, EARLIER)
-    strike_share, off_share = (STRIKE_SHARE_RUNNING, OFF_SHARE_RUNNING) if running else (STRIKE_SHARE, OFF_SHARE)
+    strike_share, later = (STRIKE_SHARE_RUNNING, LATER_RUNNING) if running else (STRIKE_SHARE, LATER)
     usual = _usual_stride(times, swings)
     rows = []
     for side, (foot, own) in enumerate(zip(feet, swings, strict=True)):
         strides = _strides(times, own, usual)
         for (first, peak, last), stride in zip(own, strides.tolist(), strict=True):
-            for strike, found in (
-                (False, _crossing(times, foot.toe, off_share, peak, first)),
-                (True, _crossing(times, foot.heel, strike_share, peak, last)),
+            if running:
+                off, off_sigma, earlier = _risen(times, foot.rise, peak, first), foot.rise_sigma, 0.0
+            else:
+                off, off_sigma, earlier = _crossing(times, foot.toe, OFF_SHARE, peak, first), foot.toe_sigma, EARLIER
+            for strike, found, sigma in (
+                (False, off, off_sigma),
+                (True, _crossing(times, foot.heel, strike_share, peak, last), foot.heel_sigma),
             ):
                 if found is None:
                     continue
                 when, slope = found
                 when += stride * (later if strike else -earlier)
                 k = min(int(round((when - times[0]) / STEP_S)), count - 1)
-                noise = (foot.heel_sigma if strike else foot.toe_sigma)[k] / max(abs(slope), 1e-9)
+                noise = sigma[k] / max(abs(slope), 1e-9)
                 rows.append((when, side, strike, float(np.hypot(noise, STEP_SD_S)), _reason(k, foot, going)))
     turns = runs_of(going.turning & ~going.standing)
     return replace(_events(rows, running, belt), turns=times[0] + STEP_S * (turns - [0, 1]))
@@ -190,15 +199,17 @@ def _foot(tracks: Tracks, side: int, times: Floats, going: Progression) -> _Foot
         (tracks.toe, tracks.toe_covariance, tracks.toe_lasting),
     ):
         filled, fine = bridged(tracks.seconds, track[:, side])
-        v = velocity(tracks.seconds, filled, times)[:, :2]
-        shares.append((v * h).sum(axis=-1) / speed)
+        v = velocity(tracks.seconds, filled, times)
+        shares.append((v[:, :2] * h).sum(axis=-1) / speed)
         frame = np.clip(np.searchsorted(tracks.seconds, times), 0, len(tracks.seconds) - 1)
-        C = covariance[frame, side, :2, :2] * (1 - lasting[frame, side])[:, None, None]
-        along = np.einsum("ti,tij,tj->t", h, C, h)
+        C = covariance[frame, side] * (1 - lasting[frame, side])[:, None, None]
+        along = np.einsum("ti,tij,tj->t", h, C[:, :2, :2], h)
         sigmas.append(np.sqrt(velocity_variance(along, tracks.noise_time_s)) / speed)
         known &= known_at(tracks.seconds, fine, times)
     known &= known_at(tracks.seconds, bridged(tracks.seconds, tracks.pelvis, PELVIS_BRIDGED_S)[1], times)
-    return _Foot(shares[0], shares[1], (shares[0] + shares[1]) / 2, sigmas[0], sigmas[1], known)
+    # the toe's, which came last
+    rise, rise_sigma = v[:, 2], np.sqrt(velocity_variance(C[:, 2, 2], tracks.noise_time_s))
+    return _Foot(shares[0], shares[1], (shares[0] + shares[1]) / 2, sigmas[0], sigmas[1], rise, rise_sigma, known)
 
 
 def _swings(middle: Floats, known: Bools, times: Floats) -> list[tuple[int, int, int]]:
@@ -241,6 +252,13 @@ def _crossing(times: Floats, share: Floats, level: float, peak: int, end: int) -
     reach = part[max(k - 3, 0) : k + 2]
     slope = (reach[-1] - reach[0]) / ((len(reach) - 1) * STEP_S) if len(reach) > 1 else (b - a) / STEP_S
     return float(when), float(way * slope)
+
+
+def _risen(times: Floats, rise: Floats, peak: int, end: int) -> tuple[float, float] | None:
+    """When a toe that rises fastest between `end` and `peak`, after it, had reached `RISEN` of that, and the slope of
+    `rise` there, m/s^2; None if nowhere."""
+    top = end + int(rise[end : peak + 1].argmax())
+    return _crossing(times, rise, RISEN * rise[top], top, end) if rise[top] > 0 else None
 
 
 def _usual_stride(times: Floats, swings: list[list[tuple[int, int, int]]]) -> float:

@@ -9,7 +9,7 @@ from dior.body.names import MLKIT_33
 from dior.gait import events, parameters, tracks
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
-from dior.simulate.patterns import RUN, WALK
+from dior.simulate.patterns import RUN, WALK, of_person
 
 FPS, SECONDS = 30.0, 7.0
 
@@ -74,6 +74,13 @@ def test_running_is_found_and_has_no_double_support():
     pooled = {(p.name, p.side): p for p in parameters.of_walk(t, found)[1]}
     none = pooled["double_support_share", "both"]
     assert np.isnan(none.value) and none.reason == "running" and none.count == 0
+
+
+def test_a_runners_toes_are_off_however_the_ankle_stretches():
+    for seed in range(4):
+        t, true, _ = walk(2.3, of_person(RUN, np.random.default_rng(seed)))
+        found = events.find(t)
+        assert found.running and abs(np.median(errors(found, true, False))) < 0.010
 
 
 def test_parameters_are_the_walkers():
