@@ -103,9 +103,10 @@ def _interval(sums: ArrayLike, n: ArrayLike, subject: Ints) -> tuple[float, floa
 
 def _tar(found: protocols.Trials, match: Bools, subject: Ints) -> tuple[float, tuple[float, float]]:
     """True acceptance at FAR and its interval; the threshold is that of all people, whoever is drawn."""
-    if (~match & (found.ranked >= 0)).sum() * FAR < 1:
+    try:
+        taken, own = protocols.accepted(found, match, FAR).sum(axis=1), match.sum(axis=1)
+    except ValueError:
         return np.nan, bootstrap.NOTHING
-    taken, own = protocols.accepted(found, match, FAR).sum(axis=1), match.sum(axis=1)
     return float(taken.sum() / own.sum()), _interval(taken, own, subject)
 
 

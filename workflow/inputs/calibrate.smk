@@ -91,11 +91,6 @@ def marked_frames(wildcards):
     return [f"results/frames/{sequence}.parquet" for sequence in names]
 
 
-def marked_offsets(wildcards):
-    names = PROJECT.marks_sequences(wildcards.session, wildcards.camera)
-    return [path for sequence in names for path in PROJECT.offsets(sequence)]
-
-
 def adjusted(step, kind=""):
     """Tables of a step for the sequences whose instants adjust uses."""
 
@@ -107,12 +102,8 @@ def adjusted(step, kind=""):
 
 
 def adjusted_sequences(wildcards):
-    return list(PROJECT.window(wildcards.session))
-
-
-def adjusted_offsets(wildcards):
-    names = PROJECT.window(wildcards.session)
-    return [path for sequence in names for path in PROJECT.offsets(sequence)]
+    """The sequences whose instants adjust uses."""
+    return sorted(PROJECT.window(wildcards.session))
 
 
 def placed(wildcards):
@@ -208,6 +199,7 @@ def own_sequence(wildcards):
 
 
 def adjusted_names(wildcards):
+    """The close cameras of a session."""
     return PROJECT.close(wildcards.session)
 
 
@@ -247,11 +239,6 @@ def aligned(path):
 
 def aligned_skeletons(wildcards):
     return [skeleton_of(sequence) for sequence in aligned_sequences(wildcards)]
-
-
-def aligned_offsets(wildcards):
-    """The clocks given by hand of the sequences that a long-range camera is aligned to."""
-    return [path for s in aligned_sequences(wildcards) for path in PROJECT.offsets(s)]
 
 
 def aligned_from(wildcards, source):
@@ -333,10 +320,6 @@ def cameras_of_files(paths):
     return [os.path.basename(path).split(".")[0].split("@")[0] for path in paths]
 
 
-def sequence_offsets(wildcards):
-    return PROJECT.offsets(wildcards.sequence)
-
-
 def clocked_sequence(wildcards):
     """The sequence of a recording: indoors `<sequence>.<camera>`, outdoors the sequence."""
     return wildcards.recording.partition(".")[0]
@@ -370,10 +353,6 @@ def clocked_frames(wildcards):
 def clocked_mocap(wildcards):
     sequence = clocked_sequence(wildcards)
     return f"results/mocap/{sequence}.parquet" if PROJECT.indoor(sequence) else []
-
-
-def clocked_offsets(wildcards):
-    return PROJECT.offsets(clocked_sequence(wildcards))
 
 
 def clocked_detections(wildcards):

@@ -149,14 +149,6 @@ def watched(path):
     return files
 
 
-def watched_names(wildcards):
-    return PROJECT.close(wildcards.session)
-
-
-def adjusted_walks(wildcards):
-    return sorted(PROJECT.window(wildcards.session))
-
-
 def watched_cameras(wildcards):
     return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
 

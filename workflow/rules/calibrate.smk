@@ -57,7 +57,7 @@ rule locate:
     params:
         sequences=marked_sequences,
         ransac_px=CONFIG["locate"]["ransac_px"],
-        offsets=untracked(marked_offsets),
+        offsets=untracked(offsets_of(marked_sequences)),
         contents=contents_of(
             own_yaml, own_marks, parts=[clocks_by_hand(marked_sequences, own_name)]
         ),
@@ -153,7 +153,7 @@ rule adjust:
         heights=heights_fingerprint,
         marked=fact_sequences,
         physics=as_json(CONFIG["physics"]),
-        offsets=untracked(adjusted_offsets),
+        offsets=untracked(offsets_of(adjusted_sequences)),
         contents=contents_of(
             close_yamls, fact_marks, parts=[clocks_by_hand(adjusted_sequences, adjusted_names)]
         ),
@@ -189,7 +189,7 @@ rule clocks:
         min_score=CONFIG["detector"]["min_score"],
         max_gap=CONFIG["time"]["max_gap"],
         data_root=data_root,
-        offsets=untracked(clocked_offsets),
+        offsets=untracked(offsets_of(clocked_sequence)),
         contents=contents_of(
             recorded(clocked_bags), parts=[clocks_by_hand(clocked_sequence, clocked_names)]
         ),
@@ -221,7 +221,7 @@ rule align:
         "logs/align/{session}.{camera}.benchmark.tsv"
     params:
         data_root=data_root,
-        offsets=untracked(aligned_offsets),
+        offsets=untracked(offsets_of(aligned_sequences)),
         contents=contents_of(
             own_yaml,
             aligned_boxes,
@@ -256,7 +256,7 @@ rule follow:
     params:
         makers=makers,
         data_root=data_root,
-        offsets=untracked(sequence_offsets),
+        offsets=untracked(offsets_of(own_sequence)),
         contents=contents_of(
             followed_yaml,
             own_boxes,

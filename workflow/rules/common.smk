@@ -128,11 +128,25 @@ def contents_of(*getters, parts=()):
 
     def told(wildcards):
         found = [getter(wildcards) for getter in getters]
-        paths = [path for one in found for path in ([one] if isinstance(one, str) else one)]
+        paths = [path for one in found for path in several(one)]
         words = [content_of(path) for path in dict.fromkeys(paths)]
         return words + [word for part in parts for word in part(wildcards)]
 
     return told
+
+
+def several(names):
+    """Names of which there may be one alone."""
+    return [names] if isinstance(names, str) else names
+
+
+def offsets_of(sequences):
+    """A function that gives the files with clocks by hand of the sequences that a function names."""
+
+    def paths(wildcards):
+        return [path for walk in several(sequences(wildcards)) for path in PROJECT.offsets(walk)]
+
+    return paths
 
 
 def clocks_by_hand(sequences, cameras):
@@ -142,11 +156,10 @@ def clocks_by_hand(sequences, cameras):
     """
 
     def told(wildcards):
-        names, walks = cameras(wildcards), sequences(wildcards)
-        names = [names] if isinstance(names, str) else names
+        names = several(cameras(wildcards))
         return [
             f"{path} {sha256(repr(said).encode()).hexdigest()}"
-            for walk in ([walks] if isinstance(walks, str) else walks)
+            for walk in several(sequences(wildcards))
             for path in PROJECT.offsets(walk)
             if (said := PROJECT.clocks_by_hand(walk, names))
         ]

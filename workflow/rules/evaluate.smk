@@ -23,9 +23,9 @@ rule moved:
         "logs/moved/{session}.benchmark.tsv"
     params:
         sequences=watched("{sequence}"),
-        names=watched_names,
+        names=adjusted_names,
         min_score=CONFIG["detector"]["min_score"],
-        adjusted=adjusted_walks,
+        adjusted=adjusted_sequences,
         code=code("evaluate.moved"),
     script:
         "../scripts/step.py"

@@ -30,7 +30,7 @@ DOUBTFUL_SCALE, WORTH_TELLING = 0.02, 0.02
 # chosen: as many disagree where a camera follows somebody else or the cameras end in a wrong world
 MOST_DISAGREEING = 0.3
 # chosen: a body is judged as a whole where a camera has so many of its joints; a detector that guesses limbs lifts the
-# mean error, but puts no body elsewhere: by 2 to 3 px at fx 1680 where cameras are right, by 7 where they end wrong
+# mean error, but puts no body elsewhere
 FEWEST_JOINTS, WHOLE_BODY_SHARE = 8, 1 / 3
 
 
